@@ -115,10 +115,10 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
             return
         begin = int(seen_after[0])
         until = begin + WINDOW_STEPS
-        here = np.unique(track[(step >= begin) & (step < until)])
+        window_tracks = np.unique(track[(step >= begin) & (step < until)])
         oldest = max(begin - back, 0)
-        index = start + np.flatnonzero(np.isin(track, here) & (step >= oldest))
-        vehicle = np.searchsorted(here, timed.rows.track[index])
+        index = start + np.flatnonzero(np.isin(track, window_tracks) & (step >= oldest))
+        vehicle = np.searchsorted(window_tracks, timed.rows.track[index])
         future, case = np.zeros(len(index), dtype=np.int64), timed.rows.case[start : start + 1]
         first = begin - oldest
         yield _block(

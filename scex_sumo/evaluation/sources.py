@@ -41,8 +41,8 @@ def read_source(source: Path) -> tuple[TrackTable, int]:
         return read_parquet(source), 0
     table, findings, _ = read_clean([source], None)
     if table.has_cases:
-        table, more = repair_tracks(table)
-        findings = (*findings, *more)
+        table, repairs = repair_tracks(table)
+        findings = (*findings, *repairs)
     return replace(table, notes=findings), 0
 
 

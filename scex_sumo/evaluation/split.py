@@ -82,9 +82,9 @@ def split_moments(
         parts["test"] = list(moments[test:])
         return parts
     first_s, last_s = moments[0].time_s, moments[-1].time_s
-    whole = None if name is None else split.whole_part(name, last_s - first_s)
+    whole_part = None if name is None else split.whole_part(name, last_s - first_s)
     for moment in moments:
-        part = whole or split.part(moment.time_s, first_s, last_s)
+        part = whole_part or split.part(moment.time_s, first_s, last_s)
         if part is not None:
             parts[part].append(moment)
     return parts

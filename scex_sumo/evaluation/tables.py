@@ -52,12 +52,12 @@ def recording_table(
         return _scenario_table(evaluated, names, chosen)
     rows_of, ids = (_scene_rows, ()) if level == "scene" else (_pair_rows, ("track_id", "other_id"))
     by = ("case", "timestamp_ms", "metric", *ids)
-    whole = pa.schema(dict.fromkeys(by, pa.int64()) | {"value": pa.float64()}).empty_table()
-    whole = pa.concat_tables([whole, *(pa.table(rows) for block in parts for rows in rows_of(block, chosen))])
-    whole = whole.sort_by([(name, "ascending") for name in by])
+    empty = pa.schema(dict.fromkeys(by, pa.int64()) | {"value": pa.float64()}).empty_table()
+    filled = (pa.table(rows) for block in parts for rows in rows_of(block, chosen))
+    result = pa.concat_tables([empty, *filled]).sort_by([(name, "ascending") for name in by])
     words = pa.array([metric.name for metric in chosen], pa.string())
-    whole = whole.set_column(2, "metric", words.take(whole["metric"].combine_chunks()))
-    return whole.set_column(0, "case_id", names.take(whole["case"].combine_chunks()))
+    result = result.set_column(2, "metric", words.take(result["metric"].combine_chunks()))
+    return result.set_column(0, "case_id", names.take(result["case"].combine_chunks()))
 
 
 def case_ids(table: TrackTable) -> pa.Array:

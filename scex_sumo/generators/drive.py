@@ -134,7 +134,7 @@ def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int]
     }
     net, written = options["net-file"], _written(options["fcd-output"])
     words = [word for key, value in options.items() for word in (f"--{key}", str(value))]
-    said = run_program(
+    complaints = run_program(
         "sumo",
         *words,
         folder=folder,
@@ -142,17 +142,17 @@ def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int]
         limit_s=LIMIT_S,
         on_wait=lambda: tick(*next(written)),
     )
-    if errors := [line for line in said if line.startswith("Error")]:
+    if errors := [line for line in complaints if line.startswith("Error")]:
         raise SimulationError(f"{net.name}: SUMO cannot populate it: {errors[0]}")
 
 
 def _written(fcd: Path) -> Iterator[tuple[float, int]]:
     """Yield the time in s and the number of lines with vehicles that SUMO has written so far."""
     fcd.touch()
-    time_s, rows, rest = 0.0, 0, b""
+    time_s, rows, unfinished = 0.0, 0, b""
     with fcd.open("rb") as file:
         while True:
-            *lines, rest = (rest + file.read()).split(b"\n")
+            *lines, unfinished = (unfinished + file.read()).split(b"\n")
             rows += sum(b";;" not in line for line in lines)
             with suppress(ValueError, IndexError):  # no line yet, or the names of the columns
                 time_s = float(lines[-1].split(b";")[0])

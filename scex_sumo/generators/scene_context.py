@@ -159,10 +159,10 @@ def _poses(paths: Paths, lane: IntArray, s: FloatArray) -> tuple[FloatArray, Flo
     x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
     chord = np.array([0.0, -CHORD_M, CHORD_M]).reshape(3, *(1,) * s.ndim)
     for k in np.unique(lane):
-        here, (arc, line) = lane == k, paths[k]
-        along = s[here] + BEHIND_M + chord
-        (x[here], x0, x1), (y[here], y0, y1) = (np.interp(along, arc, column) for column in line.T)
-        heading[here] = np.arctan2(y1 - y0, x1 - x0)
+        on_lane, (arc, line) = lane == k, paths[k]
+        along = s[on_lane] + BEHIND_M + chord
+        (x[on_lane], x0, x1), (y[on_lane], y0, y1) = (np.interp(along, arc, column) for column in line.T)
+        heading[on_lane] = np.arctan2(y1 - y0, x1 - x0)
     return x, y, heading
 
 
@@ -295,8 +295,8 @@ def place_features(
         columns |= _around(table, lane, s, others, ratio, standing)
     else:
         columns |= NOBODY
-    whole = [np.broadcast_to(columns[name], len(lane)) for name in SCENE_COLUMNS]
-    return np.column_stack([table.fixed[table.cells_at(lane, s)], *whole])
+    context = [np.broadcast_to(columns[name], len(lane)) for name in SCENE_COLUMNS]
+    return np.column_stack([table.fixed[table.cells_at(lane, s)], *context])
 
 
 def _nearest(distance_m: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
@@ -335,11 +335,11 @@ def _on_sides(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, r
     beside = r.lead[pair] + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
     columns: Features = {}
     for name, sign in (("left", 1), ("right", -1)):
-        best, distance_m, there = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
-        there &= distance_m < 40.0
-        lead_m = np.where(there, beside[np.arange(len(lane)), best], 40.0)
+        best, distance_m, has_vehicle = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
+        has_vehicle &= distance_m < 40.0
+        lead_m = np.where(has_vehicle, beside[np.arange(len(lane)), best], 40.0)
         columns[f"{name}_offset"] = np.sign(lead_m) * np.log1p(np.abs(lead_m))
-        columns[f"{name}_speed"] = np.where(there, ratio[best], 1.0)
+        columns[f"{name}_speed"] = np.where(has_vehicle, ratio[best], 1.0)
     return columns
 
 
@@ -349,15 +349,15 @@ def _meeting(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ra
     own = r.meeting[pair][..., 0] - s[:, None, None]
     other = r.meeting[pair][..., 1] - others.s[:, None]
     soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
-    best, _, there = _nearest(soon.reshape(n, -1))
+    best, _, has_vehicle = _nearest(soon.reshape(n, -1))
     distances_m = (
         np.maximum(distance_m.reshape(n, -1)[np.arange(n), best], 0) for distance_m in (own, other)
     )
-    own_m, other_m = (np.where(there, distance_m, FAR_M) for distance_m in distances_m)
+    own_m, other_m = (np.where(has_vehicle, distance_m, FAR_M) for distance_m in distances_m)
     return {
         "own_way": _log(own_m),
         "other_way": _log(other_m),
-        "other_speed": np.where(there, ratio[best // own.shape[2]], 1.0),
+        "other_speed": np.where(has_vehicle, ratio[best // own.shape[2]], 1.0),
     }
 
 
@@ -365,20 +365,20 @@ def _around(
     table: LaneCells, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray, standing: FloatArray
 ) -> Features:
     """Features of the vehicles near places, in whatever lanes, and straight ahead of them."""
-    here, their = table.quick_poses(lane, s), table.quick_poses(others.lane, others.s)
-    apart = np.hypot(their.x - here.x[:, None], their.y - here.y[:, None])
+    places, vehicles = table.quick_poses(lane, s), table.quick_poses(others.lane, others.s)
+    apart = np.hypot(vehicles.x - places.x[:, None], vehicles.y - places.y[:, None])
     near = apart < NEAR_M[1]
     count = np.maximum(near.sum(axis=1), 1)
-    front, left = here.ahead_and_left(their.x[None], their.y[None])
-    best, distance_m, there = _nearest(np.where((front > 0) & (np.abs(left) < 1.5), front, np.inf))
-    there &= distance_m < 60.0
+    front, left = places.ahead_and_left(vehicles.x[None], vehicles.y[None])
+    best, distance_m, has_vehicle = _nearest(np.where((front > 0) & (np.abs(left) < 1.5), front, np.inf))
+    has_vehicle &= distance_m < 60.0
     return {
         "near_15": (apart < NEAR_M[0]).sum(axis=1),
         "near_40": near.sum(axis=1),
         "near_speed": np.where(near.any(axis=1), (near * ratio).sum(axis=1) / count, 1.0),
         "near_standing": (near * standing).sum(axis=1) / count,
-        "front_gap": np.log1p(np.where(there, distance_m, 60.0)),
-        "front_speed": np.where(there, ratio[best], 1.0),
+        "front_gap": np.log1p(np.where(has_vehicle, distance_m, 60.0)),
+        "front_speed": np.where(has_vehicle, ratio[best], 1.0),
     }
 
 
@@ -426,8 +426,8 @@ def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
     v, a = vehicles.speed[:, None], np.nan_to_num(vehicles.acceleration)
     a = a if a.ndim == 2 else a[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        rest = np.where(a != 0, -v / a, -np.inf)  # when its speed is 0
-    t = np.where(a > 0, np.maximum(steps, rest), np.where(a < 0, np.minimum(steps, rest), steps))
+        stop_s = np.where(a != 0, -v / a, -np.inf)  # when its speed is 0
+    t = np.where(a > 0, np.maximum(steps, stop_s), np.where(a < 0, np.minimum(steps, stop_s), steps))
     t = np.where(v + a * steps <= 0, t, steps)
     travelled_m = v * t + a * t**2 / 2
     x, y, heading = table.poses(vehicles.lane, vehicles.s[:, None] + travelled_m)

@@ -80,9 +80,9 @@ class SceneModel:
             if name == "length":
                 quantiles = self.tensors["width"][choice]
                 position = rng.random(len(choice)) * (quantiles.shape[1] - 1)
-                k, rest = position.astype(np.int64), position % 1.0
+                k, share = position.astype(np.int64), position % 1.0
                 rows = np.arange(len(choice))
-                drawn["width"] = quantiles[rows, k] * (1 - rest) + quantiles[rows, k + 1] * rest
+                drawn["width"] = quantiles[rows, k] * (1 - share) + quantiles[rows, k + 1] * share
                 drawn["kind"] = _choose(np.log(self.tensors["kind"][choice] + 1e-9), rng).astype(np.float64)
         return drawn
 

@@ -112,24 +112,24 @@ def _relate(
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
 
-    rest = np.flatnonzero((kind < 0) & (relations.side[lane_t, lane_s] != 0))
-    pair = (lane_t[rest], lane_s[rest])
-    lead = relations.lead[pair] + relations.stretch_b[pair] * s_s[rest]
-    lead -= relations.stretch_a[pair] * s_t[rest]
-    near = np.abs(lead) - half_t[rest] - half_s[rest] <= BESIDE_M
-    kind[rest[near]], distance[rest[near]] = LATERAL, lead[near]
+    unrelated = np.flatnonzero((kind < 0) & (relations.side[lane_t, lane_s] != 0))
+    pair = (lane_t[unrelated], lane_s[unrelated])
+    lead = relations.lead[pair] + relations.stretch_b[pair] * s_s[unrelated]
+    lead -= relations.stretch_a[pair] * s_t[unrelated]
+    near = np.abs(lead) - half_t[unrelated] - half_s[unrelated] <= BESIDE_M
+    kind[unrelated[near]], distance[unrelated[near]] = LATERAL, lead[near]
 
     crossing = np.zeros((2, len(kind)))
-    rest = np.flatnonzero(kind < 0)
-    to_place = relations.meeting[lane_t[rest], lane_s[rest]]
-    to_t, to_s = to_place[:, :, 0] - s_t[rest, None], to_place[:, :, 1] - s_s[rest, None]
+    unrelated = np.flatnonzero(kind < 0)
+    to_place = relations.meeting[lane_t[unrelated], lane_s[unrelated]]
+    to_t, to_s = to_place[:, :, 0] - s_t[unrelated, None], to_place[:, :, 1] - s_s[unrelated, None]
     # A vehicle is before the place until its rear has cleared it.
-    before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
+    before = (to_t >= -half_t[unrelated, None]) & (to_s >= -half_s[unrelated, None])
     before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
     meeting = np.flatnonzero(before.any(axis=1))
     first = before[meeting].argmax(axis=1)
-    kind[rest[meeting]] = INTERSECTING
-    crossing[0, rest[meeting]], crossing[1, rest[meeting]] = to_t[meeting, first], to_s[meeting, first]
+    kind[unrelated[meeting]] = INTERSECTING
+    crossing[:, unrelated[meeting]] = to_t[meeting, first], to_s[meeting, first]
     return kind, distance, crossing
 
 

@@ -76,8 +76,8 @@ def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
 def _slope(offset: FloatArray, travelled_m: FloatArray) -> FloatArray:
     change, moved = np.diff(offset, axis=1), np.diff(travelled_m, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
-    whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
-    return np.clip(whole, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD, out=whole)
+    slopes: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
+    return np.clip(slopes, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD, out=slopes)
 
 
 def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -120,15 +120,15 @@ class LearnedDriver(Driver):
         """Plan 3 s; see `BatchBehavior.plan`."""
         paths, path = self._paths(history, road, vehicles)
         reasons = np.where(self._drives(paths, vehicles), "", OFF_MAP)
-        usable, whole = np.flatnonzero(reasons == ""), States.empty((len(vehicles), PLAN_STEPS))
+        usable, states = np.flatnonzero(reasons == ""), States.empty((len(vehicles), PLAN_STEPS))
         if len(usable):
             plan, finite = self._drive(history, road, vehicles[usable], paths, path[usable])
             reasons[usable[~finite]] = NOT_FINITE
-            whole.assign(usable[finite], plan)
-        rest = np.flatnonzero(reasons != "")
-        if len(rest):
-            whole.assign(rest, follow_path(history, road, vehicles[rest]))
-        return Plan(**vars(whole), fallback=reasons != "", reasons=tuple(reasons.tolist()))
+            states.assign(usable[finite], plan)
+        unusable = np.flatnonzero(reasons != "")
+        if len(unusable):
+            states.assign(unusable, follow_path(history, road, vehicles[unusable]))
+        return Plan(**vars(states), fallback=reasons != "", reasons=tuple(reasons.tolist()))
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of these vehicles along their paths; None if some need another plan."""

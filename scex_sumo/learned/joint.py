@@ -66,15 +66,15 @@ class JointDriver(LearnedDriver):
     ) -> tuple[Plan, BoolArray]:
         """Roll out all vehicles of the futures of `vehicles`; other models' vehicles are predicted, too."""
         futures, future = np.unique(vehicles.future, return_inverse=True)
-        count, here = history.scene.vehicles, history.part(futures)
-        _, chosen = self._paths(here, road, VehicleIndex.everyone(here))
-        rolled, finite = self._roll(here, road, paths, chosen)
+        count, batch = history.scene.vehicles, history.part(futures)
+        _, chosen = self._paths(batch, road, VehicleIndex.everyone(batch))
+        rolled, finite = self._roll(batch, road, paths, chosen)
         for attempt in range(1, 1 + (REDRAWS if self.profile.mode == "draw" else 0)):
-            again = np.flatnonzero(_touch(here, rolled))
+            again = np.flatnonzero(_touch(batch, rolled))
             if not len(again):
                 break
             k = (again[:, None] * count + np.arange(count)).ravel()
-            redrawn, finite[k] = self._roll(here.part(again), road, paths, chosen[k], attempt)
+            redrawn, finite[k] = self._roll(batch.part(again), road, paths, chosen[k], attempt)
             rolled.assign(k, redrawn)
         mine = future * count + vehicles.vehicle
         return Plan(**vars(rolled[mine[finite[mine]]])), finite[mine]
@@ -160,10 +160,10 @@ class JointDriver(LearnedDriver):
             a = drawn(np.cumsum(share, axis=1), draw[:, 0])
             acceleration = rounded(share @ tokens.acceleration) if best else tokens.acceleration[a]
             acceleration = np.minimum(acceleration, np.maximum(most, -SAFE_MPS2))
-            less = ahead.bound(inputs.features[:, SPEED], acceleration)
-            if (less >= most).all():
+            bound = ahead.bound(inputs.features[:, SPEED], acceleration)
+            if (bound >= most).all():
                 break
-            most = np.minimum(most, less)
+            most = np.minimum(most, bound)
         if best:
             aside = np.where(beyond[:, :, None], 0.0, weight).sum(1)
             return acceleration, rounded(aside / aside.sum(1, keepdims=True) @ tokens.sideways)
@@ -321,15 +321,15 @@ def _crossing(history: SceneHistory, paths: SeedPaths, path: IntArray, arc_lengt
     vehicles = table.vehicle[k]
     speed, half = speeds[future[:, None], vehicles], scene.length[vehicles] / 2
     place = arcs[future[:, None], vehicles]
-    room, rest = table.span[k, :, 0] - place - half, table.span[k, :, 1] - place + half
+    room, until_clear = table.span[k, :, 0] - place - half, table.span[k, :, 1] - place + half
     committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
     arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
     own = speed[:, 0]
-    through = (np.sqrt(own**2 + 2 * STARTS_MPS2 * np.maximum(rest[:, 0], 0.0)) - own) / STARTS_MPS2
+    through = (np.sqrt(own**2 + 2 * STARTS_MPS2 * np.maximum(until_clear[:, 0], 0.0)) - own) / STARTS_MPS2
     is_later = (arrival[:, 1] < arrival[:, 0]) & (arrival[:, 1] < through + CLEAR_S)
-    waits = ~committed[:, 0] & (committed[:, 1] | is_later) & (rest[:, 1] > 0)
+    waits = ~committed[:, 0] & (committed[:, 1] | is_later) & (until_clear[:, 1] > 0)
     behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
-    follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
+    follows = np.isinf(until_clear).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
     node = future[:, None] * scene.vehicles + vehicles
     return _Pairs(
         follower=node[waits, 0],

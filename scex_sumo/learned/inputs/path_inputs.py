@@ -84,7 +84,7 @@ def path_inputs(
     past = history.states[vehicles.future, vehicles.vehicle]
     before, duration = past[:, -1 - RATE_STEPS], RATE_STEPS * STEP_S
     yaw_rate = wrap(now.heading - before.heading) / duration
-    here = paths.at(path, s)
+    path_curvature = paths.at(path, s)[5]
     error = wrap(now.heading - path_heading)
     trend = past.speed @ TREND
     line = past.speed.mean(axis=1, keepdims=True) + trend[:, None] * (PAST_S - PAST_S.mean())
@@ -97,7 +97,7 @@ def path_inputs(
             yaw_rate,
             offset,
             error,
-            yaw_rate - now.speed * here[5],
+            yaw_rate - now.speed * path_curvature,
             np.minimum(sides, 10.0),
             np.clip(room.end[path] - s, 0.0, FURTHEST_M),
             past.speed @ np.column_stack([*STEADIER.values()]) - now.speed[:, None],
@@ -129,15 +129,15 @@ def _others(
     history: SceneHistory, vehicles: VehicleIndex, ahead: Ahead, speed: FloatArray
 ) -> tuple[FloatArray, IntArray]:
     nearest = ahead.leaders(len(vehicles))
-    there = nearest.index >= 0
-    gap = np.clip(np.where(there, nearest.gap, FURTHEST_M), -5.0, FURTHEST_M)
-    leader_speed = np.where(there, nearest.speed, speed)
+    has_leader = nearest.index >= 0
+    gap = np.clip(np.where(has_leader, nearest.gap, FURTHEST_M), -5.0, FURTHEST_M)
+    leader_speed = np.where(has_leader, nearest.speed, speed)
     closing = speed - leader_speed
     needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
-    vehicle = there & (nearest.index < history.scene.vehicles)
+    vehicle = has_leader & (nearest.index < history.scene.vehicles)
     past = history.states.speed[vehicles.future, np.where(vehicle, nearest.index, 0)]
     trend = np.where(vehicle, past @ TREND, 0.0)
-    leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
+    leader = [has_leader, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
     same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)
     return np.column_stack([*leader, _queue(ahead, same_way, speed)]), nearest.index
 

@@ -49,14 +49,14 @@ def closed_loop(
         model = build(spec)
         for index, (_, loaded, apart_s) in enumerate(loaded_sites(recordings, MOMENTS)):
             every_s = max(EVERY_S, apart_s)
-            here: list[SeedScene] = []
+            scenes: list[SeedScene] = []
             for recording in loaded:
-                here += part_scenes(recording, "train", split=sampling.split, every_s=every_s)
-            for k in sorted(rng.permutation(len(here))[:MAX_SCENES].tolist()):
-                road = here[k].road
+                scenes += part_scenes(recording, "train", split=sampling.split, every_s=every_s)
+            for k in sorted(rng.permutation(len(scenes))[:MAX_SCENES].tolist()):
+                road = scenes[k].road
                 assert road is not None
                 shift = map_shift(dataset.roads[index], road)
-                for samples in drifted_samples(here[k], road, model, rng, replan):
+                for samples in drifted_samples(scenes[k], road, model, rng, replan):
                     drifted.append(samples.at(index, shift))
         return TrainingSamples.concatenate(drifted) if drifted else None
 
@@ -72,9 +72,9 @@ def drifted_samples(
     drifted = []
     for start, blocked in [(off, None), *([] if stop is None else [stop])]:
         driven = _drive_all(start, road, model, start.vehicles - scene.vehicles, replan)
-        whole = States.concatenate([start.history.repeat(1), driven.swapaxes(1, 2)], 2)
+        states = States.concatenate([start.history.repeat(1), driven.swapaxes(1, 2)], 2)
         for step in DRIFT_STEPS:
-            window = whole[:, :, step : step + HISTORY_STEPS + 1]
+            window = states[:, :, step : step + HISTORY_STEPS + 1]
             samples = scene_samples(start, road, window, blocked=blocked, step=step)
             drifted += [samples] if samples is not None else []
     return drifted

@@ -87,8 +87,8 @@ def loss(
 
 
 def _whole(terms: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
-    whole = torch.stack(list(terms.values())).sum()
-    return whole, {name: float(term.detach()) for name, term in terms.items()}
+    total = torch.stack(list(terms.values())).sum()
+    return total, {name: float(term.detach()) for name, term in terms.items()}
 
 
 def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
@@ -106,10 +106,10 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
     highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
     odds = torch.exp(logit - highest[node])  # 1 of a vehicle's likeliest path
     zeros = torch.zeros_like(highest)
-    every, right = (zeros.index_add(0, node, values) for values in (odds, odds * batch.right))
-    weight = zeros.index_add(0, node, batch.share.to(every.dtype))
+    all_odds, right_odds = (zeros.index_add(0, node, values) for values in (odds, odds * batch.right))
+    weight = zeros.index_add(0, node, batch.share.to(all_odds.dtype))
     known = weight > 0
-    entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
+    entropy = torch.log(all_odds[known]) - torch.log(right_odds[known].clamp(min=1e-6))
     return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
 
 
@@ -152,8 +152,8 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
         if isinstance(modes, TokenTensors):
             modes = expected_mode(modes, batch.start[:, 1])
         rows.append(_vehicles(modes, batch).cpu())
-    every = torch.cat(rows).numpy()
-    by_site = {int(s): every[every[:, 0] == s] for s in np.unique(every[:, 0])}
+    vehicles = torch.cat(rows).numpy()
+    by_site = {int(s): vehicles[vehicles[:, 0] == s] for s in np.unique(vehicles[:, 0])}
     ade, fde = ({s: float(v[:, k].mean()) for s, v in by_site.items()} for k in (1, 2))
     return Score(loss=total / max(count, 1e-9), ade=ade, fde=fde)
 

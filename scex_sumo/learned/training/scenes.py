@@ -81,29 +81,29 @@ def scene_samples(
     samples: list[SceneSamples] = []
     for scene in scenes:
         for _ in range(SUBSETS):
-            whole, _ = placed_on_lanes(scene, KINDS, rng)
-            if len(whole.lane):
-                samples.append(_subset(table, whole, inside, total_m, site, rng))
+            placed, _ = placed_on_lanes(scene, KINDS, rng)
+            if len(placed.lane):
+                samples.append(_subset(table, placed, inside, total_m, site, rng))
     return SceneSamples.join(samples) if samples else None
 
 
 def _subset(
-    table: LaneCells, whole: Placed, inside: IntArray, total_m: float, site: int, rng: np.random.Generator
+    table: LaneCells, placed: Placed, inside: IntArray, total_m: float, site: int, rng: np.random.Generator
 ) -> SceneSamples:
-    count = len(whole.lane)
+    count = len(placed.lane)
     kind, share = rng.random(), rng.random()
     few = count**share - 1 if kind < COMPLETE + FIRST else share * count
     kept = count - 1 if kind < COMPLETE else int(few)
     order = rng.permutation(count)
-    others, targets = whole.take(order[:kept]), whole.take(order[kept : kept + TARGETS])
+    others, targets = placed.take(order[:kept]), placed.take(order[kept : kept + TARGETS])
     n = len(targets.lane)
     cells = inside[rng.choice(len(inside), n * ELSEWHERE, p=table.cell_m[inside] / total_m)]
     s = table.cell_s[cells] + table.cell_m[cells] * (rng.random(len(cells)) - 0.5)
     lane, s = np.append(targets.lane, table.cell_lane[cells]), np.append(targets.s, s)
-    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m, pace=whole.pace)
+    features = place_features(table, lane, s, others, vehicles=count, total_m=total_m, pace=placed.pace)
     features = features.astype(np.float32)
     places = np.concatenate([features[:n, None], features[n:].reshape(n, ELSEWHERE, -1)], axis=1)
-    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / whole.pace)
+    ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / placed.pace)
     return SceneSamples(
         places=places,
         values=np.column_stack([targets.length, ratio, targets.acceleration, targets.offset, targets.turn]),
@@ -189,8 +189,8 @@ def fit(
 
 def _statistics(train: SceneSamples, known: Sequence[FloatArray]) -> dict[str, FloatArray]:
     """Return the tensors of a `SceneModel` other than those of its networks."""
-    every = train.places[:, ::8].reshape(-1, train.places.shape[2])
-    tensors: dict[str, FloatArray] = {"mean": every.mean(axis=0), "spread": every.std(axis=0) + 1e-3}
+    places = train.places[:, ::8].reshape(-1, train.places.shape[2])
+    tensors: dict[str, FloatArray] = {"mean": places.mean(axis=0), "spread": places.std(axis=0) + 1e-3}
     scenes = np.concatenate(known)
     tensors["density"] = np.quantile(np.exp(scenes[:, 0]), np.linspace(0, 1, 33))
     tensors["scenes"] = scenes[:: max(len(scenes) // KEPT, 1)]
@@ -291,8 +291,8 @@ def train_scenes(
     known: dict[str, list[FloatArray]] = {}
     needs: dict[str, list[FloatArray]] = {}
     of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
-    for site, here, every_s in loaded_sites(recordings, moments):
-        for loaded, part in itertools.product(here, samples):
+    for site, site_recordings, every_s in loaded_sites(recordings, moments):
+        for loaded, part in itertools.product(site_recordings, samples):
             if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
                 of_map = of_maps.setdefault(loaded.recording.map_path, {})
                 of_map.setdefault((site, part), []).extend(scenes)
@@ -307,9 +307,9 @@ def train_scenes(
             table = lane_cells(scenes[0].road)
             wholes = [placed_on_lanes(scene, KINDS, rng)[0] for scene in scenes]
             known.setdefault(site, []).append(known_scenes(table, inside, wholes))
-            for whole in wholes:
-                hardest = needed_deceleration(table, whole, whole).max(axis=1, initial=0.0)
-                for name, value in {"deceleration": hardest, **demands(table, whole)}.items():
+            for placed in wholes:
+                hardest = needed_deceleration(table, placed, placed).max(axis=1, initial=0.0)
+                for name, value in {"deceleration": hardest, **demands(table, placed)}.items():
                     needs.setdefault(name, []).append(value)
     if not samples["train"] or not samples["validation"]:
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")

@@ -166,11 +166,11 @@ class Trainer:
             self._use_drifted([] if samples is None else [samples])
         self.best_loss = math.inf  # the best so far has not learned to come back
 
-    def _use_drifted(self, more: list[TrainingSamples]) -> None:
-        self.drifted += more
-        if more:
-            whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
-            self.train = Batches(whole, self.site_weight, self.device)
+    def _use_drifted(self, samples: list[TrainingSamples]) -> None:
+        self.drifted += samples
+        if samples:
+            train = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
+            self.train = Batches(train, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
         """Train one epoch; all draws follow from seed and epoch alone, so that runs resume."""
@@ -188,9 +188,9 @@ class Trainer:
             if mirror := bool(rng.random() < options.mirror):
                 batch = mirrored(batch)
             modes = self._predict(self.net, batch, rng, mirror=mirror)
-            whole, parts = loss(modes, batch, options.weights)
+            total, parts = loss(modes, batch, options.weights)
             self.optimizer.zero_grad(set_to_none=True)
-            whole.backward()  # type: ignore[no-untyped-call]
+            total.backward()  # type: ignore[no-untyped-call]
             nn.utils.clip_grad_norm_(self.net.parameters(), options.gradient)
             self.optimizer.step()
             self._average(number + len(groups) * self.epoch)
@@ -220,13 +220,13 @@ class Trainer:
     def _predict(
         self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False
     ) -> ModeTensors:
-        given: tuple[Any, ...] = (batch.scene, batch.path)
+        inputs: tuple[Any, ...] = (batch.scene, batch.path)
         if self.images is not None:
             turns = 0 if rng is None else int(rng.integers(4))
             count = len(batch.path.node)
             attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
-            given += self.images.batch(batch, turns, mirrored=mirror), attention.to(self.device)
-        modes: ModeTensors = net(*given)
+            inputs += self.images.batch(batch, turns, mirrored=mirror), attention.to(self.device)
+        modes: ModeTensors = net(*inputs)
         return modes
 
     def predict_mean(self, batch: Batch) -> ModeTensors:
@@ -282,8 +282,8 @@ def _write_checkpoint(folder: Path, state: dict[str, Any]) -> None:
 def _read_checkpoint(file: Path, identity: dict[str, Any]) -> dict[str, Any] | None:
     if not file.exists():
         return None
-    whole = file.read_bytes()
-    digest, content = whole[:_DIGEST], whole[_DIGEST:]
+    stored = file.read_bytes()
+    digest, content = stored[:_DIGEST], stored[_DIGEST:]
     if hashlib.sha256(content).digest() != digest:
         raise ResultError(f"{file}: not a whole checkpoint of this version; --overwrite begins anew")
     state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
@@ -308,10 +308,10 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
 def roughen(net: Net, options: TrainOptions) -> None:
     """Add dropout after every ReLU and noise on scaled inputs, in training only."""
 
-    def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+    def drop(module: nn.Module, inputs: Any, out: Tensor) -> Tensor:
         return nn.functional.dropout(out, options.dropout, module.training)
 
-    def shake(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+    def shake(module: nn.Module, inputs: Any, out: Tensor) -> Tensor:
         return out + options.noise * torch.randn_like(out) if module.training else out
 
     for module in net.modules():

@@ -75,8 +75,8 @@ def make_dataset(
     digest, total = hashlib.sha256(), len(recordings) + len(maps)
     done, report = count(), tick or (lambda done, total: None)
     cached = partial(cached_object, parts=(TrainingSamples,))
-    for number, (site, here, every_s) in enumerate(loaded_sites(recordings, options.moments)):
-        for loaded in here:
+    for number, (site, site_recordings, every_s) in enumerate(loaded_sites(recordings, options.moments)):
+        for loaded in site_recordings:
             report(next(done), total)
             recording = loaded.recording
             key = f"{_digest((recording.map_path, *recording.track_paths), options)} {every_s:.3f}"
@@ -123,9 +123,9 @@ def map_shift(road: Road, other: Road) -> FloatArray:
     """
     common = [(road.lanes[k].centreline, other.lanes[k].centreline) for k in road.lanes.keys() & other.lanes]
     shifts = [theirs - mine for mine, theirs in common if mine.shape == theirs.shape]
-    every = np.concatenate(shifts) if shifts else np.full((1, 2), np.inf)
-    shift = np.median(every, axis=0)
-    if not np.isfinite(shift).all() or np.abs(every - shift).max() > SAME_MAP_M:
+    all_shifts = np.concatenate(shifts) if shifts else np.full((1, 2), np.inf)
+    shift = np.median(all_shifts, axis=0)
+    if not np.isfinite(shift).all() or np.abs(all_shifts - shift).max() > SAME_MAP_M:
         raise MapError(f"{other.name}: another map than that of its site, {road.name}; train them separately")
     return np.asarray(shift)
 
@@ -135,18 +135,18 @@ def loaded_sites(
 ) -> Iterator[tuple[str, list[LoadedRecording], float]]:
     """Yield each site, its recordings, and the time in s between two of its moments, if it has so many."""
     for site in sorted({recording.site for recording in recordings}):
-        here = [load_recording(recording) for recording in recordings if recording.site == site]
-        moments_of = [recording_moments(loaded, every_s=1.0) for loaded in here]
+        site_recordings = [load_recording(recording) for recording in recordings if recording.site == site]
+        moments_of = [recording_moments(loaded, every_s=1.0) for loaded in site_recordings]
         stamps = [[moment.time_s for moment in of if not moment.case] for of in moments_of]
         whole_s = sum(times[-1] - times[0] for times in stamps if times)
-        yield site, here, max(MIN_APART_S, whole_s / moments)
+        yield site, site_recordings, max(MIN_APART_S, whole_s / moments)
 
 
 def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: float) -> list[SeedScene]:
     """Return the seed scenes of one part of a recording that have a vehicle to learn from."""
-    every = recording_moments(loaded, every_s=STEP_S)
+    moments = recording_moments(loaded, every_s=STEP_S)
     last, scenes = -np.inf, []
-    for moment in split_moments(every, split, loaded.recording.name)[part]:
+    for moment in split_moments(moments, split, loaded.recording.name)[part]:
         if not moment.case and moment.time_s - last < every_s - 1e-6:
             continue
         last = moment.time_s
@@ -193,9 +193,9 @@ def _samples(
     exact = 0 if noisy else 1  # the first one, which is as recorded
     samples: list[TrainingSamples | None] = []
     for scene in scenes:
-        whole = [scene.history, *(perturbed(scene.history, rng) for _ in range(options.copies))]
-        seen = [*whole[:exact], *(measured(states, rng) for states in whole[exact:])]
-        samples.append(scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0)))
+        copies = [scene.history, *(perturbed(scene.history, rng) for _ in range(options.copies))]
+        seen = [*copies[:exact], *(measured(states, rng) for states in copies[exact:])]
+        samples.append(scene_samples(scene, road, States.stack(copies, 0), seen=States.stack(seen, 0)))
         for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:

@@ -131,8 +131,8 @@ def learnable(scene: SeedScene, step: int = 0) -> IntArray:
     """Return vehicles with a whole recorded second before and 3 s after a step."""
     if scene.future_valid is None or scene.future_valid.shape[1] < step + PLAN_STEPS:
         return np.zeros(0, dtype=np.int64)
-    whole = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
-    return np.flatnonzero(whole & (scene.recorded_steps >= HISTORY_STEPS))
+    recorded = scene.future_valid[:, : step + PLAN_STEPS].all(axis=1)
+    return np.flatnonzero(recorded & (scene.recorded_steps >= HISTORY_STEPS))
 
 
 def _goals(

@@ -112,12 +112,12 @@ class EdgeAttentionModule(nn.Module):
         """Return (K, heads * each) of ``asking`` (K, inner), among which the targets of the edges are."""
         heads, per_head = self.att.shape[1:]
         source, target = edge_index
-        given = self.lin_l(node).view(-1, heads, per_head).index_select(0, source)
-        asked = self.lin_r(asking).view(-1, heads, per_head).index_select(0, target)
-        mixed = asked + given + self.lin_edge(edge).view(-1, heads, per_head)
+        key = self.lin_l(node).view(-1, heads, per_head).index_select(0, source)
+        query = self.lin_r(asking).view(-1, heads, per_head).index_select(0, target)
+        mixed = query + key + self.lin_edge(edge).view(-1, heads, per_head)
         score = (nn.functional.leaky_relu(mixed, SLOPE) * self.att).sum(dim=-1)
         weight = _softmax(score, target, len(asking))
-        taken = _sum(given * weight.unsqueeze(-1), target, len(asking))
+        taken = _sum(key * weight.unsqueeze(-1), target, len(asking))
         out: Tensor = taken.view(-1, heads * per_head) + self.bias
         return out
 

@@ -81,9 +81,9 @@ class ImageModule(nn.Module):
         size = len(CHANNELS) + FEATURES
         seen = torch.zeros(len(x), size, len(self.ahead), dtype=dtype, device=px.device)
         for index, where in enumerate(image.maps):
-            here = torch.nonzero(image.site == index)[:, 0]
-            if len(here):
-                seen[here] = self._sample(where, px[here], py[here]).to(dtype)
+            on_map = torch.nonzero(image.site == index)[:, 0]
+            if len(on_map):
+                seen[on_map] = self._sample(where, px[on_map], py[on_map]).to(dtype)
         read: Tensor = self.read(self._turned(seen, cos.to(dtype), sin.to(dtype)).flatten(1))
         return read
 
