@@ -60,9 +60,7 @@ def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callab
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
         hints = {kind: get_type_hints(kind) for kind in kinds}
         options = ((kind, field) for kind in kinds for field in fields(kind) if "option" in field.metadata)
-        more = [
-            _parameter(field, field.metadata["option"], hints[kind][field.name]) for kind, field in options
-        ]
+        more = [_parameter(field, hints[kind][field.name]) for kind, field in options]
         last = [p for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY]
         first = [p for p in own if p not in last]
         command.__signature__ = signature.replace(parameters=[*first, *more, *last])  # type: ignore[attr-defined]
@@ -71,16 +69,16 @@ def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callab
     return decorate
 
 
-def _parameter(option_field: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
+def _parameter(field: Field[Any], hint: Any) -> inspect.Parameter:
     """Return an option of a dataclass as a keyword parameter that Typer reads."""
+    about: Option = field.metadata["option"]
     if about.several:
         hint, default = list[str] | None, None
     elif about.takes is not None:
         hint, default = about.takes | None, None
     else:
-        default = None if option_field.default is MISSING else option_field.default
-    names = about.names or ((f"--{option_field.name.replace('_', '-')}",) if hint is not bool else ())
+        default = None if field.default is MISSING else field.default
+    names = about.names or ((f"--{field.name.replace('_', '-')}",) if hint is not bool else ())
     option = typer.Option(*names, metavar=about.metavar, help=about.help, rich_help_panel=about.panel)
-    return inspect.Parameter(
-        option_field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, option]
-    )
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(field.name, keyword, default=default, annotation=Annotated[hint, option])

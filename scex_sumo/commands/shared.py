@@ -78,10 +78,12 @@ def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
         callback=_take_config,
         rich_help_panel=OF_EVERY_COMMAND,
     )
-    more = [_keyword("config", Annotated[str | None, config], None)]
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    more = [inspect.Parameter("config", keyword, default=None, annotation=Annotated[str | None, config])]
     for *names, text in flags:
         option = Annotated[bool, Option(*names, help=text, is_eager=True, rich_help_panel=OF_EVERY_COMMAND)]
-        more.append(_keyword(names[-1].removeprefix("--"), option, False))
+        name = names[-1].removeprefix("--")
+        more.append(inspect.Parameter(name, keyword, default=False, annotation=option))
 
     @functools.wraps(function)
     def command(**values: Any) -> Any:
@@ -90,10 +92,6 @@ def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *more])  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in command.__signature__.parameters.values()}  # type: ignore[attr-defined]
     return command
-
-
-def _keyword(name: str, kind: Any, default: Any) -> inspect.Parameter:
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
 def _take_config(ctx: Any, _param: Any, value: str | None) -> None:

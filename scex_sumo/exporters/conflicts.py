@@ -109,15 +109,13 @@ def _conflicts(future: _Future, measures: Sequence[Row]) -> Iterator[str]:
         until_ms = np.inf if hit is None else 1000 * hit["time_s"]
         before = [measure for measure in of_pair if measure["timestamp_ms"] < until_ms]
         worst: list[Row | None] = []
+        beyond = hit is not None
         for event in CONFLICTS:
             own = (measure for measure in before if measure["metric"].removesuffix("_path") == event.name)
-            worst.append(max(own, key=lambda measure: event.side * measure["value"], default=None))
-        beyond = (
-            event.side * most["value"] >= event.side * event.threshold
-            for event, most in zip(CONFLICTS, worst, strict=True)
-            if most is not None
-        )
-        if hit is not None or any(beyond):
+            most = max(own, key=lambda measure: event.side * measure["value"], default=None)
+            beyond |= most is not None and event.side * most["value"] >= event.side * event.threshold
+            worst.append(most)
+        if beyond:
             texts.append(_conflict(future, before, worst, hit))
     yield from (text for _, text in sorted(texts))
 

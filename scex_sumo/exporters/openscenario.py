@@ -70,10 +70,6 @@ def axle_offset(kind: str, length: float) -> float:
     return 0.0 if _walks(kind) else round(_WHEELBASE * length / 2, 4)
 
 
-def _first_frame(request: Request) -> int:
-    return 0 if request.ego is None else LOGGED_HISTORY - 1
-
-
 def _leading_pair(request: Request) -> tuple[int, ...]:
     """Return the track ids whose trajectories have parameters: the pair asked for, else the first one."""
     first = request.run.encounters.slice(0, 1)
@@ -83,7 +79,7 @@ def _leading_pair(request: Request) -> tuple[int, ...]:
 
 def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, flat: bool, minor: int) -> str:
     entities, init, varied = xosc.Entities(), xosc.Init(), xosc.ParameterDeclarations()
-    begin, pair = _first_frame(request), _leading_pair(request)
+    begin, pair = 0 if request.ego is None else LOGGED_HISTORY - 1, _leading_pair(request)
     models, steps, last = request.models_of(future), request.states(future).shape[1] - begin, 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)

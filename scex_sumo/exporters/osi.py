@@ -54,13 +54,10 @@ def write_omega_prime(request: Request) -> list[Path]:
 
 def write_osi(request: Request) -> list[Path]:
     """Write each future as a bare trace, and the map as OpenDRIVE beside."""
-    betterosi, drawn = osi_library(), opendrive_of(request)
-
-    def trace(future: int) -> bytes:
+    betterosi, files, drawn = osi_library(), request.files(".osi"), opendrive_of(request)
+    for future, path in zip(request.futures, files, strict=True):
         bodies = (truth.to_binary() for truth in _ground_truths(request, future, drawn, betterosi))
-        return b"".join(len(body).to_bytes(4, "little") + body for body in bodies)
-
-    files = request.write_each(".osi", trace)
+        request.write(path, b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
     area = files[0].with_name(f"{request.road.name}.xodr")
     request.write(area, drawn.text.encode())
     return [*files, area]

@@ -49,15 +49,8 @@ class Happening:
     def of(cls, pair: Mapping[str, Any], time_s: float, link: str = "") -> Happening:
         """Return the happening of a row of ``pairs.parquet``."""
         words = f"{time_s:g} s, {arrow(pair)}: {pair['how'] or pair['what']}; {once_in(pair['probability'])}"
-        return cls(
-            time_s=time_s,
-            probability=pair["probability"],
-            what=pair["what"],
-            words=words,
-            x=pair["x"],
-            y=pair["y"],
-            link=link,
-        )
+        own = {name: pair[name] for name in ("probability", "what", "x", "y")}
+        return cls(time_s=time_s, words=words, link=link, **own)
 
     def mark(self, where: str, transform: str = "") -> Html:
         """Return the mark with its tooltip, that a click on leads to the card of."""
