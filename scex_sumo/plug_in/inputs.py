@@ -5,9 +5,8 @@ Origin: the vehicle's present centre; x ahead, y to the left; angles relative to
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import check_positive
+from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
@@ -29,9 +29,7 @@ ARRAYS: Final = (
 """Inputs with one row per vehicle; see `predictor_inputs`."""
 
 KINDS: Final = ("car", "truck", "motorcycle", "bicycle", "pedestrian", "other")
-# In this order: a recorded "pedestrian/bicycle" counts as the slower one.
-_WORDS = {"pedestrian": 4, "motorcycle": 2, "bicycle": 3, "cyclist": 3, "truck": 1, "bus": 1, "trailer": 1}
-_WORDS |= {"car": 0, "van": 0}
+_KIND_OF = {"van": "car", "bus": "truck", "tram": "other"}  # where a `road_user` is none of them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +85,7 @@ def predictor_inputs(
     scene = history.scene
     past = history.states[vehicles.future, vehicles.vehicle]
     now = past[:, -1]
-    kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
+    kinds = _kinds(scene.types)
     inputs: dict[str, NDArray[Any]] = {"history": seen_from(now, past), "kind": kinds[vehicles.vehicle]}
     inputs["size"] = np.stack([scene.length, scene.width], axis=-1)[vehicles.vehicle]
     if any(name.startswith("neighbour") for name in names):
@@ -98,10 +96,10 @@ def predictor_inputs(
     return {name: inputs[name] for name in names}
 
 
-@cache
-def vehicle_kind(word: str) -> int:
-    """Return the index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
-    return next((kind for known, kind in _WORDS.items() if known in word.lower()), KINDS.index("other"))
+def _kinds(types: Sequence[str]) -> IntArray:
+    """Return the indices into `KINDS` of recorded types, e.g. ``truck_bus``."""
+    users = map(road_user, types)
+    return np.array([KINDS.index(_KIND_OF.get(user, user)) for user in users], dtype=np.int64)
 
 
 def _others(
@@ -123,13 +121,13 @@ def _others(
         further = np.where(there, _apart(now, obstacles.states[:, steps[:, -1]].swapaxes(0, 1)), np.inf)
         distance = np.concatenate([distance, further], axis=1)
         size = np.concatenate([size, np.stack([obstacles.length, obstacles.width], axis=-1)])
-        kinds = np.concatenate([kinds, [vehicle_kind(word) for word in obstacles.types]])
+        kinds = np.concatenate([kinds, _kinds(obstacle_kinds(obstacles))])
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
     past = states[vehicles.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
     if obstacles is not None:
         observer, neighbour = np.nonzero(nearest >= scene.vehicles)
-        which = nearest[observer, neighbour] - scene.vehicles
-        past.assign((observer, neighbour), obstacles.states[which[:, None], steps[observer]])
+        obstacle = nearest[observer, neighbour] - scene.vehicles
+        past.assign((observer, neighbour), obstacles.states[obstacle[:, None], steps[observer]])
     seen = seen_from(now, past)
     seen[~mask] = 0.0
     return {

@@ -44,6 +44,16 @@ def test_neighbours_are_in_the_own_frame_nearest_first_and_masked_beyond_the_rad
     assert wide["neighbours"][0, 1, -1, :2] == pytest.approx([0.0, -80.0])
 
 
+def test_kinds_are_those_of_any_data_set() -> None:
+    types = ("vehicle", "truck_bus", "motorcyclist", "bike", "person", "tram")
+    history = roads.present(replace(SCENE, types=types[:3]))
+    people = people_of(steady(*[(10.0, 23.0, 0.0, 1.0)] * 3), *types[3:])
+    history = replace(history, scene=replace(history.scene, obstacles=people))
+    seen = predictor_inputs(history, roads.straight(), roads.every(history), Surroundings(neighbours=4))
+    assert seen["kind"][:3].tolist() == [0, 1, 2]
+    assert sorted(seen["neighbour_kind"][0].tolist()) == [1, 3, 4, 5]
+
+
 def test_pedestrians_are_neighbours_with_their_own_past() -> None:
     walk = steady((10.0, 23.0, np.pi / 2, 1.0), time_s=0.1 * np.arange(14))
     walked = people_of(walk, length=0.5, present=np.array([[True] * 13 + [False]]))

@@ -41,18 +41,16 @@ class Cut:
 
 def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
     """Return groups of lanes side by side, by smallest lane id."""
-    left_of: dict[int, int] = {}
+    right_of: dict[int, int] = {}
     for i, lane in lanes.items():
         j = lane.adjacent_left if lane.adjacent_left is not None else lane.left
         if j is not None and j != i and j in lanes and i in (lanes[j].adjacent_right, lanes[j].right):
             other = lanes[j]
             if other.kind == lane.kind and _same_line(lane.left_bound, other.right_bound):
-                left_of[i] = j
-    right_of = {j: i for i, j in left_of.items()}
-    left_of = {i: j for j, i in right_of.items()}
+                right_of[j] = i
     groups = []
     for i in lanes:
-        if i not in left_of:
+        if i not in right_of.values():
             group = [i]
             while group[-1] in right_of:
                 group.append(right_of[group[-1]])

@@ -32,11 +32,11 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         after the seed moment, and ``pair`` by index or None.
     """
     groups: dict[tuple[int, tuple[int, ...], int, float], list[int]] = {}
-    where = {int(track): index for index, track in enumerate(track_ids)}
+    index_of = {int(track): index for index, track in enumerate(track_ids)}
     number = {name: index for index, name in enumerate(run.columns)}
 
     def add(metric: int, event: Mapping[str, Any], step: int, value: float) -> None:
-        vehicles = tuple(where[v] for v in (event["track_id"], event["other_id"]) if v in where)
+        vehicles = tuple(index_of[v] for v in (event["track_id"], event["other_id"]) if v in index_of)
         groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(event["future"])
 
     for event in run.worst.to_pylist():
@@ -61,10 +61,10 @@ def _event(
     key: tuple[int, tuple[int, ...], int, float], futures: list[int], track_ids: Sequence[int]
 ) -> dict[str, Any]:
     metric, vehicles, step, value = key
-    which = ", ".join(str(future) for future in futures[:_NAMED]) + (", …" if len(futures) > _NAMED else "")
+    shown = ", ".join(str(future) for future in futures[:_NAMED]) + (", …" if len(futures) > _NAMED else "")
     names = " – ".join(str(track_ids[vehicle]) for vehicle in vehicles)
     return {
-        "cells": [names, value, step * STEP_S, len(futures), which],
+        "cells": [names, value, step * STEP_S, len(futures), shown],
         "metric": metric,
         "pair": vehicles if len(vehicles) == 2 else None,
         "future": futures[0],
@@ -81,7 +81,7 @@ def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     lines, decided = pair_lines(run), decided_line(run)
     if decided is not None and decided.pair not in [line.pair for line in lines]:
         lines.append(decided)
-    where = {int(track): index for index, track in enumerate(track_ids)}
+    index_of = {int(track): index for index, track in enumerate(track_ids)}
     hints = (_PEOPLE, f"Share of {run.futures} futures, driven as {driven_as(run)}, in which they collide")
     heads = [("pair", "names", "A vehicle hits or follows → another"), ("what happens", "words", "")]
     heads += [("people", "often", hints[0]), ("stress test", "percent", hints[1]), ("after", "seconds", "")]
@@ -98,7 +98,7 @@ def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "cells": [values[k] for k in shown],
                 "said": [line.cells[k] for k in shown],
                 "caption": line.caption,
-                "pair": [where[track] for track in line.pair if track in where],
+                "pair": [index_of[track] for track in line.pair if track in index_of],
                 "human": is_human,
                 "future": future + (run.futures if is_human else 0),
                 "step": round(line.after_s / STEP_S),
@@ -117,7 +117,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
     futures.
     """
-    encounters, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
+    encounters, index_of = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     both = any(meeting.futures == HUMAN_LIKE for meeting in encounters)
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
@@ -129,7 +129,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     rows = []
     for meeting, mine in zip(encounters, cells, strict=True):
         encounter, is_human = meeting.row, meeting.futures == HUMAN_LIKE
-        pair = where[encounter["track_id"]], where[encounter["other_id"]]
+        pair = index_of[encounter["track_id"]], index_of[encounter["other_id"]]
         rows.append(
             {
                 "cells": [_short(cell) for cell in mine],
