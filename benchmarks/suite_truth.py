@@ -79,7 +79,7 @@ def run(population: Population, out: Path, limit_s: float) -> None:
                 found[name] = {
                     "y": pair.probability,
                     "variance": float(pair.effects.var(ddof=1) / FUTURES),
-                    "any": driven.any.probability,
+                    "any": driven.contacts.probability,
                     "collide": float(driven.collides.mean()),
                 }
             file.write(json.dumps({"k": k, **found}) + "\n")

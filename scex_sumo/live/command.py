@@ -62,26 +62,26 @@ def watch_command(
     question: dict[str, Any] = {"futures": futures, **({"models": models} if models else {})}
     Question(**question)
     session = Session(config=scenario, out=out, gui=gui, begin_s=first_s, end_s=last_s, follow=follow)
-    teller = _Teller(out)
+    reporter = _Reporter(out)
     files = [out / name for name in (RISK, PAGE)]
     for file in files:
         check_output(file, scenario)
 
     def begin(watch: Watch, take: Any) -> None:
-        teller.watch = watch
+        reporter.watch = watch
         watch.every(every, take, region=region, wait=not gui, workers=workers, **question)
 
-    early = session.run(begin, teller)
-    page = teller.write(scenario)
+    early = session.run(begin, reporter)
+    page = reporter.write(scenario)
     remember(*files)
     warn([f"{early}; what was watched until then is kept"] if early else [])
     print(f"result: {out / 'risk.parquet'}")
     print(f"look:   {page}")
-    return lambda: teller.answer(page)
+    return lambda: reporter.answer(page)
 
 
-class _Teller:
-    """Tells each risk in one line, and keeps it."""
+class _Reporter:
+    """Prints each risk in one line, and keeps it."""
 
     def __init__(self, out: Path) -> None:
         self.risks: list[Risk] = []

@@ -98,10 +98,10 @@ def _lines(risks: Sequence[Risk]) -> list[Html]:
 def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
     items = []
     for risk, pair in worst_moments(risks):
-        when = element("b", f"{risk.time_s:g} s")
+        time = element("b", f"{risk.time_s:g} s")
         words = shlex.join(["scex-sumo", *command_of(config, Path(os.path.relpath(folder)), risk, pair)])
         says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.how}"
-        items.append(element("li", when, says, element("br"), element("code", words)))
+        items.append(element("li", time, says, element("br"), element("code", words)))
     if not items:
         return [element("p.soft", "No pair of people collides as often as once in a billion such moments.")]
     return [element("p.soft", "The command makes the report of a moment."), element("ol", *items)]

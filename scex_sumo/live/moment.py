@@ -152,16 +152,16 @@ class Moment:
             time_s = self.recorded.frames[-1][0]
             raise TrackError(f"no vehicle on the road at {time_s:g} s; step the simulation first")
         table, findings = repaired(*self.recorded.tracks(self.net), SCENARIO)
-        name = map_name(self.net)
-        here = Recording(name=name, site=name, dataset="sumo", map_path=self.net, track_paths=(self.net,))
-        loaded = LoadedRecording(recording=here, road=road_of(self.net), table=table, findings=findings)
+        name, net = map_name(self.net), self.net
+        recording = Recording(name=name, site=name, dataset="sumo", map_path=net, track_paths=(net,))
+        loaded = LoadedRecording(recording=recording, road=road_of(net), table=table, findings=findings)
         return seed_at(loaded, float(table.vehicles.stamps_ms[-1]) / 1000.0)
 
 
 def _without(left_out: set[str], names: list[str], states: array[float]) -> tuple[list[str], array[float]]:
-    kept = [k for k, name in enumerate(names) if name not in left_out]
-    rows = np.frombuffer(states).reshape(-1, 4)[kept]
-    return [names[k] for k in kept], array("d", rows.tobytes())
+    indices = [k for k, name in enumerate(names) if name not in left_out]
+    rows = np.frombuffer(states).reshape(-1, 4)[indices]
+    return [names[k] for k in indices], array("d", rows.tobytes())
 
 
 def road_of(net: Path) -> Road:

@@ -55,10 +55,10 @@ class Painter:
     def __call__(self, risk: Risk) -> None:
         """Paint a risk."""
         vehicles, assessed = self._sumo.vehicle, set(risk.vehicles)
-        here = set(vehicles.getIDList())
-        self._own = {name: own for name, own in self._own.items() if name in here}
-        self._own |= {name: tuple(vehicles.getColor(name)) for name in here - self._own.keys()}
-        colors = {name: color_of(risk.of(name)) if name in assessed else _OUTSIDE[0] for name in here}
+        present = set(vehicles.getIDList())
+        self._own = {name: color for name, color in self._own.items() if name in present}
+        self._own |= {name: tuple(vehicles.getColor(name)) for name in present - self._own.keys()}
+        colors = {name: color_of(risk.of(name)) if name in assessed else _OUTSIDE[0] for name in present}
         for name, rgb in colors.items():
             if self._painted.get(name) != rgb:
                 vehicles.setColor(name, (*rgb, 255))
@@ -66,15 +66,15 @@ class Painter:
         self._worst = risk.worst
         self._draw_ghosts(risk)
         if self._follow:
-            self._follow_pair(here)
+            self._follow_pair(present)
         self.step()
 
     def step(self) -> None:
         """Move the line with its vehicles, and the legend with the view; call it after each step."""
         self._draw_legend()
         pair = self._worst
-        here = self._sumo.vehicle.getIDList() if pair is not None else ()
-        if pair is None or not set(pair.names) <= set(here):
+        present = self._sumo.vehicle.getIDList() if pair is not None else ()
+        if pair is None or not set(pair.names) <= set(present):
             self._erase("line")
             return
         ends = [self._sumo.vehicle.getPosition(name) for name in pair.names]
@@ -83,8 +83,8 @@ class Painter:
     def close(self) -> None:
         """Give vehicles their own colours back and remove what was drawn; whatever is gone is gone."""
         with suppress(Exception):  # the window may be closed
-            here = set(self._sumo.vehicle.getIDList())
-            for name in here & self._own.keys():
+            present = set(self._sumo.vehicle.getIDList())
+            for name in present & self._own.keys():
                 self._sumo.vehicle.setColor(name, self._own[name])
             for key in [*self._drawn]:
                 self._erase(key)
@@ -93,9 +93,9 @@ class Painter:
             if self._followed is not None:
                 self._sumo.gui.trackVehicle(self._view, "")
 
-    def _follow_pair(self, here: set[str]) -> None:
+    def _follow_pair(self, present: set[str]) -> None:
         pair = self._worst
-        if pair is None or pair.names == self._followed or not set(pair.names) <= here:
+        if pair is None or pair.names == self._followed or not set(pair.names) <= present:
             return
         (x, y), _ = (self._sumo.vehicle.getPosition(name) for name in pair.names)
         half = _HALF_HEIGHT_M
@@ -127,8 +127,8 @@ class Painter:
         head = "no pair leads"
         if pair is not None:
             stress = f"in {pair.stress or 0.0:.0%} of the stress test"
-            often = once_in(pair.human_like) if pair.human_like else stress
-            head = f"{pair.hits} and {pair.other}: {often}"
+            frequency = once_in(pair.human_like) if pair.human_like else stress
+            head = f"{pair.hits} and {pair.other}: {frequency}"
         self._write("head", head, x, y, px)
         for number, (rgb, words) in enumerate([*((rgb, words) for _, rgb, words in SCALE), _OUTSIDE]):
             y -= line_m

@@ -210,12 +210,12 @@ def _ghosts(
     tracks = {name: v for v, track in enumerate(scene.track_ids.tolist()) for name in [names[int(track)]]}
     if worst is None or stress_test is None or not set(worst.names) <= tracks.keys():
         return {}
-    both = [tracks[name] for name in worst.names]
-    states = stress_test.states[:, :, both]
+    indices = [tracks[name] for name in worst.names]
+    states = stress_test.states[:, :, indices]
     apart = np.hypot(states.x[..., 0] - states.x[..., 1], states.y[..., 0] - states.y[..., 1])
     nearest = apart.min(axis=1)
     future = int(np.argmin(nearest))
     last = int(apart[future].argmin()) + 1
     drawn = states[future, :last:_GHOST_STEPS]
-    shapes = outlines(drawn, scene.length[both], scene.width[both], BOX[[0, 1, 2, 3, 0]])
+    shapes = outlines(drawn, scene.length[indices], scene.width[indices], BOX[[0, 1, 2, 3, 0]])
     return {name: shapes[:, k] for k, name in enumerate(worst.names)}

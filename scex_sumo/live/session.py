@@ -23,8 +23,8 @@ from scex_sumo.world.drawings import WINDOW_SIZE, frame_of, write_view_settings
 from scex_sumo.world.session import load_sumo, silence
 from scex_sumo.world.tiles import template_of
 
-Told: TypeAlias = Callable[[Risk], object]
-Begin: TypeAlias = Callable[[Watch, Told], object]
+Receiver: TypeAlias = Callable[[Risk], object]
+Begin: TypeAlias = Callable[[Watch, Receiver], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,16 +46,18 @@ class Session:
         for name in ("config", "out"):  # SUMO runs in another folder
             object.__setattr__(self, name, getattr(self, name).absolute())
 
-    def run(self, begin: Begin, report: Told) -> str | None:
+    def run(self, begin: Begin, report: Receiver) -> str | None:
         """Run the simulation; return why it ended early, None if it did not.
 
         It calls ``begin`` with a watch and a callback, ``report`` with each risk. Raises a `MapError` if a
         file cannot be read, a `SimulationError` if SUMO does not start.
         """
-        own = user_sumo()
+        user_binary = user_sumo()
         name = "sumo-gui" if self.gui else "sumo"
-        binary = program(name) if own is None else str(own.with_name(own.name.replace("sumo", name)))
-        sumo = load_sumo(gui=self.gui or own is not None)
+        binary = program(name)
+        if user_binary is not None:
+            binary = str(user_binary.with_name(user_binary.name.replace("sumo", name)))
+        sumo = load_sumo(gui=self.gui or user_binary is not None)
         with TemporaryFolder() as folder, _messages() as messages:
             options = private_options(self.config, Path(folder), binary, options_of(self.config))
             words = [*options, *QUIET, "--no-warnings", "true"]
@@ -73,13 +75,13 @@ class Session:
                     with suppress(Exception):  # it is closed
                         sumo.close()
             except (sumo.TraCIException, sumo.FatalTraCIError) as error:
-                said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-                reason = (" ".join([*dict.fromkeys(said)][:2]) or str(error)).replace(f"{folder}/", "")
+                errors = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
+                reason = (" ".join([*dict.fromkeys(errors)][:2]) or str(error)).replace(f"{folder}/", "")
                 raise SimulationError(f"{self.config}: SUMO does not start: {reason}") from None
             finally:
                 os.chdir(before)
 
-    def _watched(self, sumo: Any, begin: Begin, report: Told) -> str | None:
+    def _watched(self, sumo: Any, begin: Begin, report: Receiver) -> str | None:
         failed = (sumo.TraCIException, sumo.FatalTraCIError, OSError)
         before_s = (self.begin_s or 0.0) - sumo.simulation.getDeltaT()
         if before_s > sumo.simulation.getTime():
@@ -101,8 +103,8 @@ class Session:
             early = f"stopped at {watch.time_s:g} s"
         except failed as error:
             reason = str(error).rstrip(".").split("\n")[0]
-            what = "the window or the connection was closed" if self.gui else f"SUMO stopped: {reason}"
-            early = f"{what} at {watch.time_s:g} s"
+            cause = "the window or the connection was closed" if self.gui else f"SUMO stopped: {reason}"
+            early = f"{cause} at {watch.time_s:g} s"
         with suppress(KeyboardInterrupt, ScexError):
             watch.finish()
         if painter is not None:

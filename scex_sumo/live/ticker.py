@@ -50,7 +50,7 @@ class Ticker:
         self._due_s: float | None = None
         self._pools = deque(Pool(1) for _ in range(workers))
         self._running: deque[tuple[Pool, Future[Risk]]] = deque()
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._starts = [pool.submit(partial(road_of, net), where=_WHERE) for pool in self._pools]
         self._end = weakref.finalize(self, _close, tuple(self._pools))
 
@@ -105,22 +105,22 @@ class Ticker:
             except TrackError:  # nobody is on the road
                 continue
             except WorkersDied as died:
-                self._tell(
+                self._warn_once(
                     f"a process died twice {died.args[0]} ({died.args[1][-1]}); the moment is left out"
                 )
                 continue
             except ScexError as error:
-                self._tell(f"a moment is left out: {reason_of(error)}")
+                self._warn_once(f"a moment is left out: {reason_of(error)}")
                 continue
             if self._callback is not None:
                 try:
                     self._callback(self.risk)
                 except Exception as error:  # the simulation goes on
-                    self._tell(f"the callback failed: {reason_of(error)}")
+                    self._warn_once(f"the callback failed: {reason_of(error)}")
 
-    def _tell(self, note: str) -> None:
-        if note not in self._told:
-            self._told.add(note)
+    def _warn_once(self, note: str) -> None:
+        if note not in self._warned:
+            self._warned.add(note)
             warn_notes([note])
 
 

@@ -146,10 +146,10 @@ class Watch:
             UsageError: an option makes no sense.
         """
         focus = Focus(region=region, busiest=busiest)
-        asked = Question(**question)
+        settings = Question(**question)
         self._end_ticker()
         self._ticker = Ticker(
-            seconds, callback, question=asked, focus=focus, net=self._net, wait=wait, workers=workers
+            seconds, callback, question=settings, focus=focus, net=self._net, wait=wait, workers=workers
         )
 
     def risk(self) -> Risk | None:
@@ -206,8 +206,8 @@ class Watch:
         moment = self.moment()
         temporary = TemporaryFolder() if out is None else None
         folder = Path(temporary.name) / "run" if temporary else Path(str(out)).absolute()
-        own = dict(behaviors._registered), dict(metrics._registered)
-        work = partial(_extrapolate, moment, folder, options, *own)
+        registered = dict(behaviors._registered), dict(metrics._registered)
+        work = partial(_extrapolate, moment, folder, options, *registered)
         if self._pool is None:  # kept: the second time it knows net, map and models
             self._pool = Pool(1)
             self._end_pool = weakref.finalize(self, self._pool.close)

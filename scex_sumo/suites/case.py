@@ -113,8 +113,8 @@ def shown(driven: Driven, pair: Mapping[str, Any]) -> dict[str, Any]:
         pair: a row of `Driven.pairs`.
     """
     whole = everybody(driven.scene)
-    both = [driven.index_of(track) for track in (pair["track_id"], pair["other_id"])]
-    other = both[0] if both[1] == driven.vehicle else both[1]
+    pair_indices = [driven.index_of(track) for track in (pair["track_id"], pair["other_id"])]
+    other = pair_indices[0] if pair_indices[1] == driven.vehicle else pair_indices[1]
     states = driven.states[pair["future"]]
     stop = 1 + (round(pair["conflict_s"] / STEP_S) if pair["gap_m"] == 0 else STEPS)
     stage = stage_of_motion(whole, (other, driven.vehicle), states[[other, driven.vehicle], :stop])
@@ -141,7 +141,7 @@ def write_exports(folder: Path, driven: Driven, pair: Mapping[str, Any], formats
     if not formats:
         return []
     scene, notes = driven.scene, list[str]()
-    shown = [int(np.argmin(driven.any.each)), int(pair["future"])]
+    shown = [int(np.argmin(driven.contacts.by_future)), int(pair["future"])]
     script = Script(driven.states[shown][:, : scene.vehicles])
     settings = RunSettings(
         models=[script], futures=2, steps=STEPS, replan=REPLAN, world="plain", metrics="gap"

@@ -119,9 +119,9 @@ def catalogue(
     }
     with SuiteFolder(out, identity, overwrite=overwrite) as folder:
         if others:
-            own: dict[str, Any] = {"every": every, "workers": workers}
-            own |= {"overwrite": overwrite, "progress": progress, "command": command}
-            rank(others, out=out / RANKING, top=1, futures=1, **own)  # a suite needs no stress test
+            options: dict[str, Any] = {"every": every, "workers": workers}
+            options |= {"overwrite": overwrite, "progress": progress, "command": command}
+            rank(others, out=out / RANKING, top=1, futures=1, **options)  # a suite needs no stress test
             rankings.append(out / RANKING)
         population = read_population(rankings)
         chosen = choose(population, count, seed=seed)

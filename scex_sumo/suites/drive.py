@@ -37,18 +37,18 @@ PEOPLE: Final = "likely_driver"
 class Contacts:
     """P of a contact in each future (C,), and of all."""
 
-    each: FloatArray
+    by_future: FloatArray
 
     @cached_property
     def root(self) -> FloatArray:
         """Cube roots (C,) of P, the largest as the second one: what the law takes the mean of."""
-        return roots(np.zeros(len(self.each), dtype=np.int64), self.each, len(self.each))
+        return roots(np.zeros(len(self.by_future), dtype=np.int64), self.by_future, len(self.by_future))
 
     @property
     def probability(self) -> float:
         """P of a contact, see `over_futures`."""
-        count = len(self.each)
-        return float(over_futures(np.zeros(count, dtype=np.int64), self.each, pairs=1, futures=count)[0])
+        count = len(self.by_future)
+        return float(over_futures(np.zeros(count, dtype=np.int64), self.by_future, pairs=1, futures=count)[0])
 
     @property
     def effects(self) -> FloatArray:
@@ -74,7 +74,7 @@ class Driven:
         return self.states.shape[0]
 
     @cached_property
-    def any(self) -> Contacts:
+    def contacts(self) -> Contacts:
         """Contacts of the vehicle with any other one."""
         return self._contacts(np.ones(len(self.conflicts), dtype=np.bool_))
 
@@ -88,7 +88,7 @@ class Driven:
         probability = law().contact(conflicts, everybody(self.scene).types)
         with np.errstate(divide="ignore"):
             log = np.bincount(conflicts.future, np.log1p(-probability), minlength=self.futures)
-        return Contacts(each=np.asarray(-np.expm1(log)))
+        return Contacts(by_future=np.asarray(-np.expm1(log)))
 
     @property
     def collides(self) -> BoolArray:
@@ -145,8 +145,8 @@ def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int,
     rollout = roll_out(world, scene.road, scene, batch, steps=STEPS, replan=REPLAN)
     replaced = [plan for plan in rollout.replaced if plan.vehicle == index]
     if replaced:
-        what = f"{len(replaced)} plans cannot be used, the first at {replaced[0].step * STEP_S:g} s"
-        raise ScexError(f"{names[-1]}: {what}: {replaced[0].reason}")
+        problem = f"{len(replaced)} plans cannot be used, the first at {replaced[0].step * STEP_S:g} s"
+        raise ScexError(f"{names[-1]}: {problem}: {replaced[0].reason}")
     return Driven(
         scene=scene,
         vehicle=index,

@@ -68,11 +68,12 @@ class Design:
 
     def part(self, ran: BoolArray) -> Design:
         """Return the design of the cases (n,) that ran: those of the same kind stand for the others, too."""
-        whole, left = (np.bincount(self.stratum, weights) for weights in (self.weight, self.weight * ran))
-        more = (whole / np.where(left > 0, left, 1.0))[self.stratum[ran]]
+        total = np.bincount(self.stratum, self.weight)
+        total_ran = np.bincount(self.stratum, self.weight * ran)
+        factor = (total / np.where(total_ran > 0, total_ran, 1.0))[self.stratum[ran]]
         return Design(
-            weight=self.weight[ran] * more,
-            chance=self.chance[ran] / more,
+            weight=self.weight[ran] * factor,
+            chance=self.chance[ran] / factor,
             stratum=self.stratum[ran],
             hours=self.hours,
         )

@@ -54,8 +54,8 @@ class Case:
         for name, digest in self.about["files"].items():
             file = self.folder / name
             if not file.is_file() or sha256_of(file) != digest:
-                what = "was changed" if file.is_file() else "is missing"
-                raise ResultError(f"{file}: {what} since the suite was made; {AGAIN}")
+                problem = "was changed" if file.is_file() else "is missing"
+                raise ResultError(f"{file}: {problem} since the suite was made; {AGAIN}")
         content: Mapping[str, Any] = read_json(self.folder / CASE, _CASE, AGAIN)
         return content
 

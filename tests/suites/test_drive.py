@@ -50,7 +50,7 @@ def driven(function: Any = None, track_id: int = 1) -> Driven:
 
 def test_a_blind_function_collides_more_often_than_people_and_one_that_brakes_less() -> None:
     blind, people, brakes = (
-        driven(one).any.probability for one in ("constant_velocity", None, "emergency_brake")
+        driven(one).contacts.probability for one in ("constant_velocity", None, "emergency_brake")
     )
     assert blind > 0.5 > 10 * people
     assert people >= brakes
@@ -64,7 +64,7 @@ def test_people_have_the_probability_of_the_ranking() -> None:
 
 
 def test_the_human_like_driver_under_test_is_people() -> None:
-    assert np.array_equal(driven(PEOPLE).any.each, driven().any.each)
+    assert np.array_equal(driven(PEOPLE).contacts.by_future, driven().contacts.by_future)
 
 
 def test_the_draws_of_others_do_not_depend_on_the_function() -> None:
@@ -90,13 +90,13 @@ def test_p_of_a_vehicle_counts_contacts_with_any_other_one() -> None:
     found = drive(three, 1, None, FUTURES, seed=0)
     each = [row["probability"] for row in found.pairs]
     assert len(each) == 3
-    assert max(each) < found.any.probability
+    assert max(each) < found.contacts.probability
     assert found.contacts_with(2).probability == pytest.approx(found.row_of(2)["probability"], rel=1e-12)
     assert all(1 in (row["track_id"], row["other_id"]) for row in found.pairs)
 
 
 def test_an_effect_is_what_leaving_a_future_out_changes() -> None:
-    found = driven("constant_velocity", track_id=2).any
+    found = driven("constant_velocity", track_id=2).contacts
     root = found.root
     without = np.array([np.delete(root, c).mean() ** 3 for c in range(FUTURES)])
     assert found.effects.sum() == pytest.approx(0.0, abs=1e-12)
@@ -108,14 +108,14 @@ def test_an_effect_is_what_leaving_a_future_out_changes() -> None:
 def test_people_on_foot_move_as_recorded_and_can_be_hit() -> None:
     found = drive(person(8.0, 2.0), 1, model_specs("constant_velocity")[0], 4, seed=0)
     assert found.pairs[0]["person"] == "pedestrian 900"
-    assert found.any.probability == pytest.approx(1.0)
+    assert found.contacts.probability == pytest.approx(1.0)
 
 
 def test_another_one_that_never_comes_near_has_a_row_without_words() -> None:
     far = scene(street(), (0.0, 0.0, 0.0, 5.0), (300.0, 0.0, 0.0, 5.0))
     found = drive(far, 1, None, 4, seed=0)
     assert found.pairs == []
-    assert (found.row_of(2)["how"], found.any.probability) == (None, 0.0)
+    assert (found.row_of(2)["how"], found.contacts.probability) == (None, 0.0)
 
 
 def test_a_plan_that_cannot_be_used_ends_the_case() -> None:

@@ -31,8 +31,8 @@ def inspect_answer(loaded: LoadedRecording, moments: list[Moment], scene: SeedSc
 
 
 def _moment(moment: Moment) -> dict[str, Any]:
-    there = {"vehicles": moment.vehicles, "complete": moment.complete}
-    return {"time_s": moment.time_s, "case": moment.case or None, **there}
+    counts = {"vehicles": moment.vehicles, "complete": moment.complete}
+    return {"time_s": moment.time_s, "case": moment.case or None, **counts}
 
 
 def _scene(scene: SeedScene) -> dict[str, Any]:

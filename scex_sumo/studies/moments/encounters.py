@@ -70,9 +70,9 @@ def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, 
     """Return an order (n,) that joins the rows of each encounter, and which one of the order begins one."""
     people = rows["person"].combine_chunks().dictionary_encode().indices
     other = pc.if_else(pc.is_valid(people), pc.subtract(-1, people), rows["other_id"])
-    both = np.sort([np.asarray(ids).astype(np.int64) for ids in (rows["track_id"], other)], axis=0)
+    pair = np.sort([np.asarray(ids).astype(np.int64) for ids in (rows["track_id"], other)], axis=0)
     record = pc.binary_join_element_wise(refs["recording"], refs["case"], "\n").combine_chunks()
-    keys = np.stack([np.asarray(record.dictionary_encode().indices), *both])
+    keys = np.stack([np.asarray(record.dictionary_encode().indices), *pair])
     time = np.asarray(refs["time_s"])
     order = np.lexsort((time, *keys))
     differs = (np.diff(keys[:, order], axis=1) != 0).any(axis=0) | (np.diff(time[order]) > apart_s)

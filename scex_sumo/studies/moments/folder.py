@@ -92,8 +92,8 @@ def from_row(row: dict[str, Any]) -> dict[str, Any]:
 
 def moment_name(recording: str, case: str, time_s: float) -> str:
     """Name a moment by recording, case and time, in milliseconds if needed."""
-    when = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
-    return plain(f"{recording}_case{case}_t{when}" if case else f"{recording}_t{when}")
+    time = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    return plain(f"{recording}_case{case}_t{time}" if case else f"{recording}_t{time}")
 
 
 def plain(name: str) -> str:
@@ -138,8 +138,8 @@ class StudyFolder(OutputFolder):
         return {file.stem: (self._load(_PARTS, file.stem) or [{}])[0] for file in files}
 
     def _is_whole(self, files: Mapping[str, str]) -> bool:
-        there = {name: self.path / name for name in files}
-        whole = (file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
+        paths = {name: self.path / name for name in files}
+        whole = (file.is_file() and sha256_of(file) == files[name] for name, file in paths.items())
         return bool(files) and all(whole)
 
     def finished(self, info: Mapping[str, Any], command: Sequence[str] | None) -> dict[str, Any]:
@@ -175,9 +175,9 @@ class StudyFolder(OutputFolder):
             for parent in [*Path(name).parents][-2::-1]:
                 own_folder(self.path / parent)
             # Of so few rows, statistics and schema would be the larger part.
-            how = {"compression": "zstd", "write_statistics": False, "store_schema": False}
+            options = {"compression": "zstd", "write_statistics": False, "store_schema": False}
             with replacing(self.path / name) as temporary:
-                pq.write_table(table, temporary, write_page_checksum=True, **how)
+                pq.write_table(table, temporary, write_page_checksum=True, **options)
         self._files[ref.moment] = {name: sha256_of(self.path / name) for name in tables}
         self._save(_PARTS, ref.moment, [self._files[ref.moment]])
 
@@ -190,9 +190,9 @@ class StudyFolder(OutputFolder):
 
     def _remove(self, files: Iterable[str]) -> None:
         """Remove files of the folder, but nothing behind a link."""
-        whole = self.path.resolve()
+        root = self.path.resolve()
         for file in (self.path / name for name in files):
-            if file.parent.resolve() == whole / file.parent.relative_to(self.path):
+            if file.parent.resolve() == root / file.parent.relative_to(self.path):
                 file.unlink(missing_ok=True)
                 remove_unfinished(file.parent)
 

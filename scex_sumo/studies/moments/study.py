@@ -56,8 +56,8 @@ def moment_tasks(
         except Exception as error:
             if listing is None:
                 name, location = plain(recording.name), plain(recording.site)
-                why = one_line(reason_of(error))
-                yield Failure(moment=name, location=location, recording=recording.name, reason=why)
+                reason = one_line(reason_of(error))
+                yield Failure(moment=name, location=location, recording=recording.name, reason=reason)
             yield from (Failure.of(ref, reason_of(error)) for ref in todo)
             continue
         for ref in todo:

@@ -16,7 +16,7 @@ from scex_sumo.studies.moments.encounters import ENCOUNTERS, with_columns
 
 TRIAGE: Final = ("verdict", "note")
 _NEAR: Final = ("gap_m", "time_margin", "time_s", "first_s", "last_s", "conflict_s")
-SAID: Final = "a data error, as the triage says"
+DATA_ERROR_DOUBT: Final = "a data error, as the triage says"
 RANKED: Final = pa.schema(
     [
         *schema("rank"),
@@ -56,8 +56,8 @@ def with_stress(encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, in
     stress: list[float | None] = []
     for encounter in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
         first, second = sorted((encounter["track_id"], encounter["other_id"]))
-        known = shares.get(encounter["seed"])
-        stress.append(None if known is None else known.get((first, second), 0.0))
+        of_moment = shares.get(encounter["seed"])
+        stress.append(None if of_moment is None else of_moment.get((first, second), 0.0))
     return with_columns(encounters, {"stress_p_collision": stress})
 
 
@@ -91,18 +91,18 @@ def read_triage(path: Path) -> Sequence[Mapping[str, str]]:
 
 def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Table:
     """Return encounters with the last verdict on their pair that was given for a time within each."""
-    given: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
+    verdicts_of: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
     for verdict in triage:
-        given.setdefault(_key(verdict), []).insert(0, verdict)
+        verdicts_of.setdefault(_key(verdict), []).insert(0, verdict)
     doubts, verdicts = [], list[Mapping[str, str]]()
     for row in encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist():
         times = (
             verdict
-            for verdict in given.get(_key(row), ())
+            for verdict in verdicts_of.get(_key(row), ())
             if row["first_s"] <= float(verdict["time_s"]) <= row["last_s"]
         )
         verdicts.append(next(times, {}))
-        doubts.append(SAID if verdicts[-1].get("verdict") == DATA_ERROR else row["doubt"])
+        doubts.append(DATA_ERROR_DOUBT if verdicts[-1].get("verdict") == DATA_ERROR else row["doubt"])
     columns = {name: [verdict.get(name) or None for verdict in verdicts] for name in TRIAGE}
     return with_columns(encounters, {"doubt": doubts, **columns})
 

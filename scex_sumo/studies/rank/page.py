@@ -142,7 +142,7 @@ def write_ranking_page(
             notes.append(f"{task.ref.moment}: no futures: {reported.reason}")
             continue
         html, stress[task.ref.moment], replaced, drawn = reported
-        stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
+        stages |= {(task.ref.moment, *pair): stage for pair, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]
         report = run.folder.path / REPORTS / f"{task.ref.moment}.html"
         report.parent.mkdir(parents=True, exist_ok=True)
@@ -240,15 +240,18 @@ def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], b
     is_sure = pc.is_valid(ranking["rank"])
     parts = []
     for name, is_tested in (("To be tested", True), ("Not to be tested", False)):
-        own = [html for encounter, html in shown if encounter["to_test"] is is_tested]
+        cards = [html for encounter, html in shown if encounter["to_test"] is is_tested]
         total = pc.sum(pc.and_(is_sure, pc.equal(ranking["to_test"], is_tested))).as_py() or 0
         if total:
-            head = f"{name}: {total}" + (f", {len(own)} of them here" if len(own) < total else "")
+            head = f"{name}: {total}" + (f", {len(cards)} of them here" if len(cards) < total else "")
             words = "P of a contact between people" if by == "probability" else by
             about = element("p.soft", f"Sorted by {words}.")
             parts.append(
                 element(
-                    "section", element("h2", head), *([about] if own else []), element("div.moments", *own)
+                    "section",
+                    element("h2", head),
+                    *([about] if cards else []),
+                    element("div.moments", *cards),
                 )
             )
     return parts
@@ -314,9 +317,9 @@ def places_of(ranking: pa.Table) -> dict[str, list[dict[str, Any]]]:
     is_told = pc.greater_equal(ranking["probability"], TOLD)
     places: dict[str, list[dict[str, Any]]] = {}
     for encounter in ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told)).to_pylist():
-        own = places.setdefault(encounter["location"], [])
-        if len(own) < _PLACES:
-            own.append(encounter)
+        at_site = places.setdefault(encounter["location"], [])
+        if len(at_site) < _PLACES:
+            at_site.append(encounter)
     return places
 
 
@@ -356,9 +359,9 @@ def glance(
 
 
 def _link(pair: Mapping[str, Any], recording: str, time_s: float, cards: Cards) -> str:
-    both = {pair["track_id"], pair["other_id"]}
+    ids = {pair["track_id"], pair["other_id"]}
     for address, shown in cards.items():
-        is_pair = shown["recording"] == recording and {shown["track_id"], shown["other_id"]} == both
+        is_pair = shown["recording"] == recording and {shown["track_id"], shown["other_id"]} == ids
         if is_pair and shown["first_s"] <= time_s <= shown["last_s"]:
             return address
     return ""

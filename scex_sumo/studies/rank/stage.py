@@ -48,13 +48,13 @@ def stage_of_future(scene: SeedScene, pair: Mapping[str, Any], human: Part) -> S
     return stage_of_motion(whole, (other, acting), driven[[other, acting], : last + 1])
 
 
-def stage_of_motion(scene: SeedScene, both: tuple[int, int], motion: States) -> Stage:
+def stage_of_motion(scene: SeedScene, pair: tuple[int, int], motion: States) -> Stage:
     """Return the stage of two of `everybody`, the first of which acts, with their motion (2, T) from now on.
 
     What was recorded is shown beside it, from 1 s before the moment on.
     """
     assert scene.road is not None
-    acting, other = both
+    acting, other = pair
     states, known = _recorded(scene)
     happens = States.concatenate([scene.history[[acting, other], :-1], motion], axis=1)
     box = _box(happens[:, -_LAST:])
@@ -65,9 +65,9 @@ def stage_of_motion(scene: SeedScene, both: tuple[int, int], motion: States) -> 
         kind = "ghost" if v in (acting, other) else "vehicle"
         tracks.append(_outline(states[v], known[v]))
         shown.append(outline_svg(kind, scene.length[v], scene.width[v]))
-    for row_of, v in enumerate((acting, other)):
-        tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
-        shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
+    for index, v in enumerate((acting, other)):
+        tracks.append(_outline(happens[index], np.ones(happens.shape[1], np.bool_)))
+        shown.append(outline_svg(("acts", "responds")[index], scene.length[v], scene.width[v]))
     shown += [element("text.number", str(scene.track_ids[v])) for v in (acting, other)]
     road = road_svg(lane_lines(scene.road, box))
     picture = scene_svg("the two vehicles, from above", box, road, shown)

@@ -59,14 +59,14 @@ class ValidationSettings(StudySettings):
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
-        kept = recording_moments(loaded, every_s=STEP_S)
+        candidates = recording_moments(loaded, every_s=STEP_S)
         if self.part != ALL:
-            kept = split_moments(kept, Split())[self.part]  # type: ignore[index]
+            candidates = split_moments(candidates, Split())[self.part]  # type: ignore[index]
         else:  # from the first that can be judged on: a recording shorter than ``every`` has one, too
-            kept = [moment for moment in kept if moment.case or moment.complete]
-        last_s = loaded.table.vehicles.stamps_ms[-1] / 1000 - STEP_S * self.run.steps if kept else 0.0
+            candidates = [moment for moment in candidates if moment.case or moment.complete]
+        last_s = loaded.table.vehicles.stamps_ms[-1] / 1000 - STEP_S * self.run.steps if candidates else 0.0
         moments: list[Moment] = []
-        for moment in kept:
+        for moment in candidates:
             if not moment.case and self.run.steps > FIRST_STEPS and moment.time_s > last_s + 1e-6:
                 continue  # nobody is recorded to the end of so long futures
             if not moments or moment.case or moment.time_s >= moments[-1].time_s + self.every - 1e-6:
@@ -93,18 +93,18 @@ class Forecast:
 
 def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     """Run the futures of a task."""
-    asked = task.settings.run
-    steps = asked.steps
-    known = scene.future_valid
-    judged = np.zeros(0, dtype=bool) if known is None else np.all(known[:, :steps], axis=1)
-    if known is None or known.shape[1] < steps or not judged.any():
+    run = task.settings.run
+    steps = run.steps
+    valid = scene.future_valid
+    judged = np.zeros(0, dtype=bool) if valid is None else np.all(valid[:, :steps], axis=1)
+    if valid is None or valid.shape[1] < steps or not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
-    plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
+    plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=run.world)
     # Vehicles leave the futures at the step at which they leave the recording.
     net, count = net_of(task.road), task.settings.futures
-    futures = _run(scene, net, asked, built(task.settings.models))
+    futures = _run(scene, net, run, built(task.settings.models))
     straight = _run(scene, net, plain, ModelSet.of(plain))
-    recorded = measure_recorded(scene, steps, metrics=asked.measured)
+    recorded = measure_recorded(scene, steps, metrics=run.measured)
     assert recorded is not None
     happened = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rows = [
@@ -113,7 +113,7 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
         (np.array([CONSTANT_VELOCITY]), _values(straight), collided(straight.collisions, straight.futures)),
     ]
     return Forecast(
-        futures=_futures_table(asked.columns, rows),
+        futures=_futures_table(run.columns, rows),
         vehicles=position_forecasts(scene, futures.states, straight.states, judged),
         encounters=pair_forecasts(
             scene, _encounters(futures), _encounters(straight), recorded.encounters, judged, futures=count

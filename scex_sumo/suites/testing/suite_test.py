@@ -202,12 +202,12 @@ def _run(
     """Return the records by case; those that are kept do not run again."""
     kept = {task.ref.moment: folder.record(task.ref.moment) for task in tasks}
     records = {name: record for name, record in kept.items() if record is not None}
-    left = [task for task in tasks if task.ref.moment not in records]
-    if not left:
+    remaining = [task for task in tasks if task.ref.moment not in records]
+    if not remaining:
         return records
     began = time.perf_counter()
     with MomentWorkers(workers) as pool:
-        for task, outcome in pool.run_each(run_case, left):
+        for task, outcome in pool.run_each(run_case, remaining):
             now, name = time.perf_counter(), task.ref.moment
             record = {"reason": outcome.reason} if isinstance(outcome, Failure) else dict(outcome)
             records[name], began = record | {"seconds": round(now - began, 2)}, now
@@ -285,8 +285,8 @@ def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]
     chosen = function.pairs[0] if function.pairs else function.row_of(other_id)
     pair, people_pair = function.contacts_with(other_id), people.contacts_with(other_id)
     return {
-        "probability": function.any.probability,
-        "people": people.any.probability,
+        "probability": function.contacts.probability,
+        "people": people.contacts.probability,
         "p_alone": p_alone(function, people),
         "pair": pair.probability,
         "people_pair": people_pair.probability,
@@ -313,11 +313,11 @@ def p_alone(function: Driven, people: Driven) -> float | None:
     """
     from scipy.special import pdtrc, stdtr
 
-    differences, count = function.any.root - people.any.root, function.futures
+    differences, count = function.contacts.root - people.contacts.root, function.futures
     spread = float(differences.std(ddof=1))
     if spread == 0:
         return 0.0 if differences.any() else None
     by_roots = float(stdtr(count - 1, -abs(differences.mean()) / spread * np.sqrt(count)))
     hits = int(function.collides.sum())
-    by_hits = float(pdtrc(hits - 1, np.maximum(people.any.each, RARE).sum())) if hits else 1.0
+    by_hits = float(pdtrc(hits - 1, np.maximum(people.contacts.by_future, RARE).sum())) if hits else 1.0
     return min(1.0, 4 * min(by_roots, by_hits))

@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.rank.encounters import SAID, ranked
+from scex_sumo.studies.rank.encounters import DATA_ERROR_DOUBT, ranked
 from tests.studies.moments.pairs import moment, pairs_table
 
 
@@ -59,5 +59,5 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
     rows = found(*moments, triage=[given("test", 2.0), given("data error", 1.0)])
     assert [(row["first_s"], row["rank"], row["doubt"]) for row in rows] == [
         (9.0, 1, None),
-        (1.0, None, SAID),
+        (1.0, None, DATA_ERROR_DOUBT),
     ]

@@ -24,7 +24,7 @@ def futures(contact: float, collisions: int = 0, *, spread: float = 0.0) -> Any:
     """P of a contact in each of the futures; some collide."""
     chance = contact * np.random.default_rng(0).lognormal(0.0, spread, FUTURES)
     chance[:collisions] = 1.0
-    return SimpleNamespace(any=Contacts(each=chance), collides=chance == 1.0, futures=FUTURES)
+    return SimpleNamespace(contacts=Contacts(by_future=chance), collides=chance == 1.0, futures=FUTURES)
 
 
 def test_the_same_futures_are_no_difference() -> None:
@@ -50,7 +50,9 @@ def test_less_room_in_every_future_is_no_chance_without_any_collision() -> None:
 
 def test_where_people_collide_as_often_collisions_are_no_difference() -> None:
     function = futures(1e-6, 30)
-    people = SimpleNamespace(**vars(function) | {"any": Contacts(each=function.any.each[::-1])})
+    people = SimpleNamespace(
+        **vars(function) | {"contacts": Contacts(by_future=function.contacts.by_future[::-1])}
+    )
     found = p_alone(function, people)
     assert found is not None and found > 0.5
 
