@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
-from scex_sumo.base.owned import SentOnce
+from scex_sumo.base.owned import SentOnce, owner_cache
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,6 +177,7 @@ class Road(SentOnce):
     file: Path | None = None
 
     @property
+    @owner_cache
     def vehicle_lanes(self) -> dict[int, Lane]:
-        """Lanes that cars may drive on, by id."""
+        """Lanes that cars may drive on, by id; nobody may change the dictionary."""
         return {i: lane for i, lane in self.lanes.items() if lane.kind == "vehicle"}

@@ -101,6 +101,12 @@ def change_words(root: Element) -> tuple[str, str]:
     return ("changeRight", "changeLeft") if is_left_hand(root) else ("changeLeft", "changeRight")
 
 
+def permits(element: Element, kind: str, allow: str = "allow", disallow: str = "disallow") -> bool:
+    """Return whether a lane or a connection of a net is open to a class of vehicles."""
+    allowed, closed = (set(element.get(name, "").split()) for name in (allow, disallow))
+    return bool({kind, "all"} & allowed) if allowed else not {kind, "all"} & closed
+
+
 def net_root(path: Path) -> Element:
     """Return the XML root element of a net."""
     root = xml_root(path)

@@ -135,12 +135,12 @@ def _lane_table(
     along: dict[int, list[tuple[float, str]]] = {}
     within: dict[_TableRow, set[_TableRow]] = {}
     for sumo_lane, stretches in places:
-        keys = [(lanelet, sumo_lane) for lanelet, _ in stretches if lanelet in known]
-        for k, key in enumerate(keys):
-            within.setdefault(key, set()).update(keys[:k])
+        passed = set[_TableRow]()
         for lanelet, start in stretches:
             if lanelet in known:
                 along.setdefault(lanelet, []).append((start, sumo_lane))
+                within.setdefault((lanelet, sumo_lane), set()).update(passed)
+                passed.add((lanelet, sumo_lane))
     before: dict[_TableRow, set[_TableRow]] = {key: set() for key in within}
     for lanelet, stations in along.items():
         rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]

@@ -20,7 +20,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.links import SumoLink, lane_ids, links_of
 from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M, points_of
-from scex_sumo.converters.xml import change_words, net_root
+from scex_sumo.converters.xml import change_words, net_root, permits
 from scex_sumo.road import Road
 
 MAX_M = 1e8  # of coordinates
@@ -144,13 +144,6 @@ def _checked(path: Path, element: Element, make: Callable[..., Made], *context: 
     raise MapError(f"{path}: {name} {problem}; build the net again with netconvert") from None
 
 
-def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disallow") -> bool:
-    allowed, banned = element.get(allow), element.get(disallow)
-    if allowed:
-        return allowed == "all" or CAR in allowed.split()
-    return not banned or (banned != "all" and CAR not in banned.split())
-
-
 def _lane(lane: Element, edge: Element, words: tuple[str, str]) -> SumoLane:
     shape = points_of(lane.attrib["shape"])
     if not len(shape) or not (np.abs(shape) <= MAX_M).all():
@@ -163,9 +156,9 @@ def _lane(lane: Element, edge: Element, words: tuple[str, str]) -> SumoLane:
         length_m=float(lane.attrib["length"]),
         speed_mps=float(lane.attrib["speed"]),
         width_m=float(lane.get("width", LANE_WIDTH_M)),
-        cars=_permits_cars(lane),
-        change_left=_permits_cars(lane, words[0], ""),
-        change_right=_permits_cars(lane, words[1], ""),
+        cars=permits(lane, CAR),
+        change_left=permits(lane, CAR, words[0], ""),
+        change_right=permits(lane, CAR, words[1], ""),
         function=edge.get("function", "normal"),
     )
 
@@ -181,7 +174,7 @@ def _following(root: Element, lanes: Mapping[str, SumoLane]) -> dict[str, tuple[
         source, target = lane_ids(connection)
         target = connection.get("via", target)
         both = source in lanes and target in lanes and lanes[source].cars and lanes[target].cars
-        if both and _permits_cars(connection):
+        if both and permits(connection, CAR):
             following[source].append(target)
     return {i: tuple(ids) for i, ids in following.items()}
 

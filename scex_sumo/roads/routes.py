@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.owned import owner_cache, recent
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import along, arc_lengths, headings, length_of, project, wrap
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene
 
 MAX_ROUTES = 32
-_RECENT = 1024  # centrelines of a road: more than those of a scene
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path for futures of 3 s: they, and a plan of 3 s
 PLAN_S = 3.0
 Pose: TypeAlias = tuple[float, float, float]
@@ -62,13 +60,8 @@ def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], b
 
 
 @owner_cache
-def _known(road: Road) -> dict[int, Lane]:
-    return road.vehicle_lanes
-
-
-@owner_cache
 def _lengths(road: Road) -> dict[int, float]:
-    steps = {i: np.diff(lane.centreline, axis=0) for i, lane in _known(road).items()}
+    steps = {i: np.diff(lane.centreline, axis=0) for i, lane in road.vehicle_lanes.items()}
     return {i: max(float(np.hypot(*step.T).sum()), 0.01) for i, step in steps.items()}
 
 
@@ -128,7 +121,7 @@ def _with_intended(
     from scex_sumo.roads.changes import with_few_changes
 
     lane, s = start
-    route = with_few_changes(_known(road), _lengths(road), lane, s, allowed, horizon)
+    route = with_few_changes(road.vehicle_lanes, _lengths(road), lane, s, allowed, horizon)
     for k, path in enumerate(paths):
         if path.lanes == route:
             paths[k] = replace(path, intended=True)
@@ -186,7 +179,7 @@ def _with_forks(
     road: Road, options: tuple[tuple[int, ...], ...], s: float, horizon: float, most: int
 ) -> tuple[tuple[int, ...], ...]:
     """Extend routes by all forks up to a distance, the nearest first, up to ``most`` routes in all."""
-    lanes, complete = _known(road), list[tuple[int, ...]]()
+    lanes, complete = road.vehicle_lanes, list[tuple[int, ...]]()
     open_routes = [(_covered(road, route) - s, route) for route in options]
     heapify(open_routes)
     while open_routes:
@@ -202,7 +195,7 @@ def _with_forks(
 
 
 def _covered(road: Road, lanes: tuple[int, ...]) -> float:
-    known, length = _known(road), _lengths(road)
+    known, length = road.vehicle_lanes, _lengths(road)
     return length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
 
 
@@ -215,7 +208,7 @@ def _angle(road: Road, route: tuple[int, ...], s: float, horizon: float, pose: P
 
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
     """Extend a route by the smallest turn at every fork, to a length or to the end of the road."""
-    known, length = _known(road), _lengths(road)
+    known, length = road.vehicle_lanes, _lengths(road)
     covered = _covered(road, lanes)
     while covered < length_m:
         following, gain = onward(known, lanes)
@@ -234,21 +227,9 @@ def centreline(
     """Return the centreline (P, 2) of a route, m, and (P,) the lane id under each point.
 
     From ``behind_m`` before to ``ahead_m`` after arc length ``s`` of its first lane, along the smallest
-    turns, straight on at the ends of the road; nobody may change it.
+    turns, straight on at the ends of the road.
     """
-    make = partial(_traced, road, lanes, s, behind_m, ahead_m)
-    return recent(_recent_lines(road), (lanes, s, behind_m, ahead_m), _RECENT, make)
-
-
-@owner_cache
-def _recent_lines(road: Road) -> dict[tuple[Any, ...], tuple[FloatArray, IntArray]]:
-    return {}
-
-
-def _traced(
-    road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
-) -> tuple[FloatArray, IntArray]:
-    known, length = _known(road), _lengths(road)
+    known, length = road.vehicle_lanes, _lengths(road)
     before: list[int] = []
     missing = behind_m - s
     while missing > 0:
@@ -260,22 +241,14 @@ def _traced(
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     here = sum(length[i] for i in before) + s
-    if all(after in known[lane].successors for lane, after in pairwise(sequence)):
-        line = _joined(road, sequence)
-    else:  # where the changes begin is the caller's
-        line = _without_repeats(*_pieces(known, sequence, here))
-    return _cut(*line, here - behind_m, behind_m + ahead_m)
+    return _cut(*_joined(known, sequence, here), here - behind_m, behind_m + ahead_m)
 
 
-@owner_cache
-def _joined(road: Road, sequence: tuple[int, ...]) -> tuple[FloatArray, IntArray]:
-    return _without_repeats(*_pieces(_known(road), sequence, 0.0))
+def _joined(known: dict[int, Lane], sequence: tuple[int, ...], start: float) -> tuple[FloatArray, IntArray]:
+    """Return the centreline of lanes without repeated points, and the lane of each point.
 
-
-def _pieces(
-    known: dict[int, Lane], sequence: tuple[int, ...], start: float
-) -> tuple[list[FloatArray], list[int]]:
-    """Return the pieces of a centreline and their lanes; changes begin after arc length ``start``."""
+    Changes of lane begin after arc length ``start``.
+    """
     pieces: list[FloatArray] = []
     owners: list[int] = []
     rest, passed, i = known[sequence[0]].centreline, 0.0, 0
@@ -291,16 +264,12 @@ def _pieces(
         passed += length_of(piece)
         pieces.append(piece)
         owners.append(owner)
-    return [*pieces, rest], [*owners, sequence[-1]]
-
-
-def _without_repeats(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
-    """Join lines without repeated points; return the owner of each point's line as well."""
+    pieces.append(rest)
     points = np.vstack(pieces)
-    owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
+    lanes = np.repeat(np.array([*owners, sequence[-1]], dtype=np.int64), [len(piece) for piece in pieces])
     step = np.hypot(*np.diff(points, axis=0).T)
     keep = np.concatenate([step > 1e-6, [True]])
-    return points[keep], owner[keep]
+    return points[keep], lanes[keep]
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:
@@ -308,7 +277,7 @@ def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tu
     ends = np.array([start, start + length])
     inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))
     segment = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
-    edge = np.column_stack([np.interp(ends, arc, points[:, 0]), np.interp(ends, arc, points[:, 1])])
+    edge = along(points, ends)
     first, last = points[1] - points[0], points[-1] - points[-2]
     edge[0] += min(start, 0.0) * first / np.hypot(*first)
     edge[1] += max(start + length - arc[-1], 0.0) * last / np.hypot(*last)

@@ -106,35 +106,33 @@ class SumoDrivers:
     """Vehicles of a batch that SUMO drives."""
 
     def __init__(
-        self, driven: Sequence[SumoDriven], batch: RunningBatch, scene: SeedScene, sumo: Any
+        self,
+        driven: Sequence[SumoDriven],
+        batch: RunningBatch,
+        scene: SeedScene,
+        sumo: Any,
+        refused: tuple[type[Exception], ...],
     ) -> None:
-        self._driven, self._batch, self._scene, self._sumo = driven, batch, scene, sumo
-        self._route_ends: dict[str, str | None] = {}  # last edge, by id; None: it arrives there
-        self._parks: set[str] = set()  # vehicles with a stop beside their lane
-        self._straight_on: list[_Pose] = []  # vehicles beyond the end of their route
-        self._changing: dict[str, _LaneChange] = {}
-        self._refused: tuple[type[Exception], ...] = ()
-
-    def hand_over(self, refused: tuple[type[Exception], ...]) -> None:
         """Let SUMO drive from now on; a vehicle on no lane goes straight on.
 
         ``refused``: SUMO's errors.
         """
-        for d in self._driven:
-            key = self._batch.id_of(d.future, d.vehicle)
-            if self._sumo.vehicle.getLaneID(key):
-                end = tile_id(self._batch.slots[d.future], d.edges[-1])
-                self._route_ends[key] = end if d.arrival is None else None
+        self._batch, self._sumo, self._refused = batch, sumo, refused
+        self._route_ends: dict[str, str | None] = {}  # last edge, by id; None: it arrives there
+        self._parks: set[str] = set()  # vehicles with a stop beside their lane
+        self._straight_on: list[_Pose] = []  # vehicles beyond the end of their route
+        self._changing: dict[str, _LaneChange] = {}
+        for d in driven:
+            key, slot = batch.id_of(d.future, d.vehicle), batch.slots[d.future]
+            if sumo.vehicle.getLaneID(key):
+                self._route_ends[key] = tile_id(slot, d.edges[-1]) if d.arrival is None else None
             else:
                 self._take_back(key)
-        self._refused = refused
-        for d in self._driven:
-            if (intention := self._scene.intention(d.vehicle)) is not None:
-                key = self._batch.id_of(d.future, d.vehicle)
-                self._plan_stops(key, self._batch.slots[d.future], intention.stops)
+            if (intention := scene.intention(d.vehicle)) is not None:
+                self._plan_stops(key, slot, intention.stops)
                 if intention.change_mps and key in self._route_ends:
                     with suppress(*refused):  # no lane there
-                        self._changing[key] = _LaneChange.of(self._sumo, key, intention.change_mps)
+                        self._changing[key] = _LaneChange.of(sumo, key, intention.change_mps)
         self._watch_route_ends()
 
     def _plan_stops(self, key: str, slot: int, stops: Sequence[Stop]) -> None:

@@ -23,6 +23,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M, points_of
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
+from scex_sumo.converters.xml import permits
 from scex_sumo.intention import Walk
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, Obstacles, SeedScene, States
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, obstacle_id, to_sumo
@@ -59,13 +60,13 @@ class WalkingPlaces:
             function = edge.get("function", "normal")
             walks = function in ("crossing", "walkingarea")
             for lane in edge.iter("lane"):
-                cars, bicycles = _allows(lane, "passenger"), _allows(lane, "bicycle")
+                cars, bicycles = permits(lane, "passenger"), permits(lane, "bicycle")
                 apart |= cars != bicycles
                 if function == "crossing":
                     self._crossings.append(lane.get("id", ""))
                     shapes.append(_area(lane))
                     self._lines.append(shapely.LineString(points_of(lane.get("shape", ""))))
-                elif not walks and _allows(lane, "pedestrian"):
+                elif not walks and permits(lane, "pedestrian"):
                     line = shapely.LineString(points_of(lane.get("shape", "")))
                     scale = float(lane.get("length", line.length)) / line.length
                     self._sidewalks.setdefault(edge.get("id", ""), (line, scale))
@@ -229,11 +230,6 @@ def obstacles_in_reach(scene: SeedScene) -> list[int]:
     now, there = scene.now, others.states[:, HISTORY_STEPS]
     apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y).min(axis=1)
     return [o for o, kind in enumerate(others.types) if kind != REPLAYED or apart[o] <= REACH_M]
-
-
-def _allows(lane: ElementTree.Element, kind: str) -> bool:
-    allowed, closed = (set(lane.get(key, "").split()) for key in ("allow", "disallow"))
-    return bool({kind, "all"} & allowed) if allowed else not {kind, "all"} & closed
 
 
 def _area(lane: ElementTree.Element) -> Any:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from scex_sumo.base.errors import SimulationError
@@ -36,14 +35,6 @@ _OPTIONS = (
 _open = False
 one_at_a_time = threading.RLock()
 """Held by a thread that uses what a process has once: libsumo, its current folder, standard error."""
-
-
-def vehicle_calls(module: Any) -> Any:
-    """Return the vehicle functions of each step, without the wrappers of libsumo."""
-    inner = getattr(module, "_libsumo", None)
-    names = ("moveToXY", "getPosition", "getAngle", "getSpeed", "setPreviousSpeed")
-    calls = {n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names}
-    return SimpleNamespace(**calls)
 
 
 def load_sumo(*, gui: bool = False) -> Any:

@@ -29,7 +29,7 @@ from scex_sumo.world.batch import (
     to_sumo,
     vehicle_ids,
 )
-from scex_sumo.world.session import ANY_ROUTE, SumoSession, load_sumo, vehicle_calls
+from scex_sumo.world.session import ANY_ROUTE, SumoSession, load_sumo
 from scex_sumo.world.tiles import tile_id
 from scex_sumo.world.vehicle_types import TypeBook, road_class
 
@@ -75,10 +75,7 @@ class SumoWorld:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the simulation; may be called again."""
+        """End the simulation."""
         self._session.stop()
         self._running = None
         self._temporary.cleanup()
@@ -105,7 +102,6 @@ class SumoWorld:
         self._running = running
         poses = self._poses(start)
         self._load(running, driven, poses, lights)
-        self._call = vehicle_calls(self._sumo)
         self._persons = self._new_persons(running)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             self._add_vehicles(running.split(poses), driven)
@@ -121,9 +117,8 @@ class SumoWorld:
         if driven:
             from scex_sumo.world.driven import SumoDrivers
 
-            self._drivers = SumoDrivers(driven, running, self._scene, self._sumo)
             with self._session.refusals("hand vehicles over to its drivers"):
-                self._drivers.hand_over(self._session.errors)
+                self._drivers = SumoDrivers(driven, running, self._scene, self._sumo, self._session.errors)
         if self._gui:
             from scex_sumo.base.colors import model_colors
 
@@ -169,7 +164,7 @@ class SumoWorld:
 
         The speed of a moved vehicle is the one that was set, see ``_advance``; so is the pose of a person.
         """
-        batch, get = self._batch, self._call
+        batch, get = self._batch, self._sumo.vehicle
         with self._session.refusals("read vehicles"):
             ids, shared = batch.everybody.ids, batch.everybody.shared
             read = np.full((3, len(batch.shared.held)), np.nan)
@@ -221,7 +216,7 @@ class SumoWorld:
         self, poses: Sequence[FloatArray], selection: Selection, speed: FloatArray, acceleration: FloatArray
     ) -> None:
         x, y, degrees = (values.reshape(-1)[selection.index].tolist() for values in poses)
-        move = self._call.moveToXY
+        move = self._sumo.vehicle.moveToXY
         for key, to_x, to_y, turned, lanes in zip(selection.ids, x, y, degrees, selection.lanes, strict=True):
             move(key, "", NO_LANE, to_x, to_y, turned, lanes, MATCH_M)
         if selection.watched:
@@ -282,7 +277,7 @@ class SumoWorld:
                 batch.obstacles.difference_update(self._sumo.simulation.getArrivedIDList())
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):
                 batch.refuse_losses(self._sumo.vehicle.getIDList())
-            set_speed = self._call.setPreviousSpeed
+            set_speed = self._sumo.vehicle.setPreviousSpeed
             for key, speed, acceleration in self._speeds:
                 set_speed(key, speed, acceleration)
         self._speeds.clear()

@@ -139,18 +139,13 @@ class Shapes:
         self.successors = {(i, j) for i in vehicle for j in vehicle[i].successors if j in vehicle and i != j}
 
 
-def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
-    """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
-    return samples(points, step_m)[1]
-
-
 def _distances(points: FloatArray, lanes: list[SumoLane]) -> FloatArray:
     union = shapely.MultiLineString([lane.shape for lane in lanes])
-    return np.asarray(shapely.distance(shapely.points(sample_line(points)), union), dtype=np.float64)
+    return np.asarray(shapely.distance(shapely.points(samples(points, SAMPLE_M)[1]), union), dtype=np.float64)
 
 
 def _back(sumo_lane: SumoLane, lanelets: list[Lane]) -> FloatArray:
-    points = shapely.points(sample_line(sumo_lane.shape))
+    points = shapely.points(samples(sumo_lane.shape, SAMPLE_M)[1])
     lines = [shapely.LineString(lane.centreline) for lane in lanelets]
     off = np.min([shapely.distance(points, line) for line in lines], axis=0)
     places = [(shapely.line_locate_point(line, points), line.length) for line in lines]

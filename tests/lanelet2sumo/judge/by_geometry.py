@@ -9,8 +9,8 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.geometry.polylines import wrap
-from scex_sumo.lanelet2sumo.judge.matching import COVERED, sample_line
+from scex_sumo.geometry.polylines import samples, wrap
+from scex_sumo.lanelet2sumo.judge.matching import COVERED, SAMPLE_M
 from scex_sumo.road import Lane, Road
 from tests.lanelet2sumo.judge.mirrored import read_mirrored
 
@@ -30,7 +30,7 @@ def lanes_by_geometry(net_path: Path, road: Road) -> LaneTable:
     """Find the SUMO lanes of every lanelet by geometry."""
     net, road = read_mirrored(net_path, road)
     names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
-    points = [sample_line(net.lanes[name].shape) for name in names]
+    points = [samples(net.lanes[name].shape, SAMPLE_M)[1] for name in names]
     directions = [sample_headings(p) for p in points]
     boxes = shapely.STRtree([shapely.LineString(p) for p in points])
     pairs: list[tuple[int, str]] = []
@@ -67,5 +67,5 @@ def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: flo
 
 def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:
     lines = shapely.union_all([shapely.LineString(points) for points in lanes])
-    near = shapely.distance(shapely.points(sample_line(lane.centreline)), lines) <= radius
+    near = shapely.distance(shapely.points(samples(lane.centreline, SAMPLE_M)[1]), lines) <= radius
     return bool(np.mean(near) >= COVERED)  # nothing is near no lines: their distance is nan

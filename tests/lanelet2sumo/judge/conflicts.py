@@ -9,8 +9,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.geometry.polylines import length_of, wrap
-from scex_sumo.lanelet2sumo.judge.matching import sample_line
+from scex_sumo.geometry.polylines import length_of, samples, wrap
 from scex_sumo.lanelet2sumo.judge.priority import NEAR_M
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import runs
@@ -43,7 +42,7 @@ class _Trace:
     def __init__(self, lane: Lane) -> None:
         self.lane, self.id = lane, lane.lane_id
         self.line = shapely.LineString(lane.centreline)
-        self.points = sample_line(lane.centreline, LOOK_M)
+        self.points = samples(lane.centreline, LOOK_M)[1]
 
     def near(self, line: shapely.LineString) -> BoolArray:
         return np.asarray(shapely.distance(shapely.points(self.points), line) <= NEAR_M)

@@ -21,8 +21,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.extrapolation.processes.pool import in_other_process
-from scex_sumo.geometry.polylines import wrap
-from scex_sumo.lanelet2sumo.judge.matching import Matching, match_lanelets, sample_line
+from scex_sumo.geometry.polylines import samples, wrap
+from scex_sumo.lanelet2sumo.judge.matching import Matching, match_lanelets
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, measured
 from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 from scex_sumo.road import Road
@@ -150,7 +150,7 @@ def _mapped(matching: Matching, owner: int, sumo_lane: str, point: FloatArray, d
     off = lanes[sumo_lane].line.distance(place)
     if off > SAME_PLACE_M and not _covers(matching, sumo_lane, place, off):
         return False
-    line = sample_line(lanes[sumo_lane].shape, 0.2)
+    line = samples(lanes[sumo_lane].shape, 0.2)[1]
     heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
     return bool(abs(wrap(heading - direction)) < AHEAD_RAD)
 

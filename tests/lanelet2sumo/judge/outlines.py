@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import length_of
-from scex_sumo.lanelet2sumo.judge.matching import Matching, sample_line
+from scex_sumo.geometry.polylines import length_of, samples
+from scex_sumo.lanelet2sumo.judge.matching import SAMPLE_M, Matching
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane
 from scex_sumo.road import Lane
 
@@ -47,7 +47,7 @@ class Outlines:
 
 
 def _overhang_m(sumo_lane: SumoLane, lanelets: list[Lane]) -> float:
-    points = shapely.points(sample_line(sumo_lane.shape))
+    points = shapely.points(samples(sumo_lane.shape, SAMPLE_M)[1])
     lines = [shapely.LineString(lane.centreline) for lane in lanelets]
     off = np.min([shapely.distance(points, line) for line in lines], axis=0)
     at = [(shapely.line_locate_point(line, points), line.length) for line in lines]
@@ -56,7 +56,7 @@ def _overhang_m(sumo_lane: SumoLane, lanelets: list[Lane]) -> float:
 
 
 def _widths(matching: Matching, lane: Lane) -> tuple[FloatArray, FloatArray]:
-    line, sampled = shapely.LineString(lane.centreline), shapely.points(sample_line(lane.centreline))
+    line, sampled = shapely.LineString(lane.centreline), shapely.points(samples(lane.centreline, SAMPLE_M)[1])
     bounds = (shapely.LineString(bound) for bound in (lane.left_bound, lane.right_bound))
     width = sum(shapely.distance(sampled, bound) for bound in bounds)
     at = np.linspace(0.0, line.length, len(sampled))
