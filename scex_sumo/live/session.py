@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from scex_sumo.base.errors import ScexError, SimulationError
+from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.sumo.programs import program
 from scex_sumo.commands.console import PrintableStream
-from scex_sumo.formats.sumo.scenario import QUIET, net_of, options_of, private_options, user_sumo
+from scex_sumo.formats.sumo.scenario import QUIET, net_of, options_of, private_options, started, user_sumo
 from scex_sumo.live.painter import TEXT_PX, Painter
 from scex_sumo.live.risk import Risk
 from scex_sumo.live.watch import Watch
@@ -60,26 +60,12 @@ class Session:
         sumo = load_sumo(gui=self.gui or user_binary is not None)
         with TemporaryFolder() as folder, _messages() as messages:
             options = private_options(self.config, Path(folder), binary, options_of(self.config))
-            words = [*options, *QUIET, "--no-warnings", "true"]
-            words += self._window(Path(folder)) if self.gui else []
+            command = [binary, *options, *QUIET, "--no-warnings", "true"]
+            command += self._window(Path(folder)) if self.gui else []
             with writing(self.out):
                 self.out.mkdir(parents=True, exist_ok=True)
-            before = Path.cwd()
-            os.chdir(folder)  # where SUMO writes files that are named nowhere
-            try:
-                with silence():
-                    sumo.start([binary, *words])
-                try:
-                    return self._watched(sumo, begin, report)
-                finally:
-                    with suppress(Exception):  # it is closed
-                        sumo.close()
-            except (sumo.TraCIException, sumo.FatalTraCIError) as error:
-                errors = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-                reason = (" ".join([*dict.fromkeys(errors)][:2]) or str(error)).replace(f"{folder}/", "")
-                raise SimulationError(f"{self.config}: SUMO does not start: {reason}") from None
-            finally:
-                os.chdir(before)
+            with started(sumo, command, self.config, folder, messages):
+                return self._watched(sumo, begin, report)
 
     def _watched(self, sumo: Any, begin: Begin, report: Receiver) -> str | None:
         failed = (sumo.TraCIException, sumo.FatalTraCIError, OSError)

@@ -8,9 +8,11 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -269,26 +271,39 @@ def _run(config: Path, given: Mapping[str, str], record: Callable[[Any], Recorde
     """Start SUMO with the options of a file that it may read, and record."""
     own = user_sumo()
     sumo = load_sumo(gui=own is not None)  # traci
-    failed = (sumo.TraCIException, sumo.FatalTraCIError)
     binary = program("sumo") if own is None else str(own)
     with TemporaryFolder() as folder, silence() as messages:
-        options = [*private_options(config, Path(folder), binary, given), *QUIET]
-        before = Path.cwd()
-        os.chdir(folder)  # where SUMO writes files that are named nowhere
+        command = [binary, *private_options(config, Path(folder), binary, given), *QUIET]
+        with started(sumo, command, config, folder, messages):
+            recorded = record(sumo)
+            by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
+            return replace(recorded, notes=(*recorded.notes, *by))
+
+
+@contextmanager
+def started(
+    sumo: Any, command: Sequence[str], config: Path, folder: str, messages: Callable[[], list[str]]
+) -> Iterator[None]:
+    """Start SUMO in a folder, where it writes files that are named nowhere, and close it after the block.
+
+    ``messages`` returns what SUMO has printed. Raises a `SimulationError` if SUMO does not start, or stops.
+    """
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        with redirect_stdout(StringIO()):
+            sumo.start(command)
         try:
-            sumo.start([binary, *options])
-            try:
-                recorded = record(sumo)
-                by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
-                return replace(recorded, notes=(*recorded.notes, *by))
-            finally:
-                sumo.close()
-        except failed as error:
-            said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-            reason = one_line(" ".join([*dict.fromkeys(said)][:2]) or error)
-            raise SimulationError(f"{config}: SUMO stops: {reason.replace(folder + '/', '')}") from None
+            yield
         finally:
-            os.chdir(before)
+            with suppress(Exception):  # it is closed
+                sumo.close()
+    except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+        said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
+        reason = one_line(" ".join([*dict.fromkeys(said)][:2]) or error)
+        raise SimulationError(f"{config}: SUMO stops: {reason.replace(folder + '/', '')}") from None
+    finally:
+        os.chdir(before)
 
 
 def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], None]) -> Recorded:
