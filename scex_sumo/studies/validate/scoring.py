@@ -158,7 +158,7 @@ def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -> dict[str, Any]:
     """Return the scores of forecasts (N,) of an event, with those of constant velocity."""
-    score, plain, diagram = brier(p, o), brier(straight.astype(np.float64), o), reliability(p, o)
+    score, plain = brier(p, o), brier(straight.astype(np.float64), o)
     uncertainty = float(o.mean() * (1 - o.mean()))
     low, high = group_bootstrap(lambda index: brier(p[index], o[index]), group)
     return {
@@ -171,9 +171,7 @@ def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -
         "brier_constant_velocity": plain,
         "skill_base_rate": skill(score, uncertainty),
         "skill_constant_velocity": skill(score, plain),
-        "diagram_forecast": diagram.forecast.tolist(),
-        "diagram_observed": diagram.observed.tolist(),
-        "diagram_count": diagram.count.tolist(),
+        **{f"diagram_{name}": values.tolist() for name, values in vars(reliability(p, o)).items()},
     }
 
 
