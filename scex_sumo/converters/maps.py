@@ -48,11 +48,10 @@ def read_map(
         'roundabout'
     """
     path = Path(map_path)
-    options = {"tracks": tracks, "own_corner": own_corner, "keep": keep}
     refuse_unreadable(path)
     read = map_format(path).read
     with in_memory(path):
-        road = read(path, origin=origin, **options)
+        road = read(path, origin=origin, tracks=tracks, own_corner=own_corner, keep=keep)
     if not read.__module__.startswith(f"{__package__.partition('.')[0]}."):
         from scex_sumo.roads.check import check_road
 

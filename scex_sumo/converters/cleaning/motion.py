@@ -23,7 +23,7 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         return rows, []
     time_s, points = rows.timestamp_ms / 1000.0, np.stack((rows.x, rows.y), axis=1)
     judged, wrong, factor = _contradictions(rows, points, time_s)
-    noise = position_noise(points, time_s, rows.segment)
+    noise = position_noise(rows)
     jitter = noise > NOISE_M
     all_tracks = jitter or 2 * wrong.sum() > judged.sum()
     if not all_tracks and not wrong.any():
@@ -81,14 +81,15 @@ def _how_wrong(factor: FloatArray) -> str:
     return f"{size}, {turned} in the wrong direction" if turned else size
 
 
-def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) -> float:
+def position_noise(rows: TrackRows) -> float:
     """Estimate the standard deviation of white noise in the positions of moving tracks, per axis in m.
 
     The variance of third differences is 20 times that of white noise. The largest 2 % are left out as jumps.
-    0 with too few samples; ``segment`` (N,) numbers the pieces of tracks, rows in order of time.
+    0 with too few samples.
     """
-    if len(points) < 4:
+    if len(rows) < 4:
         return 0.0
+    points, time_s, segment = np.stack((rows.x, rows.y), axis=1), rows.timestamp_ms / 1000.0, rows.segment
     step = np.diff(time_s)
     even = np.abs(step - np.median(step)) < 0.1 * np.median(step)
     inside = (segment[3:] == segment[:-3]) & even[2:] & even[1:-1] & even[:-2]

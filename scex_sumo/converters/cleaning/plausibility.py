@@ -259,7 +259,7 @@ def _accelerations(strides: _Strides) -> Check:
 
 
 def _noise(rows: TrackRows) -> Check:
-    noise = position_noise(np.stack((rows.x, rows.y), axis=1), rows.timestamp_ms / 1000.0, rows.segment)
+    noise = position_noise(rows)
     problem = (
         f"positions scatter by {noise:.1f} m from sample to sample: a run begins with other speeds and "
         "distances than the traffic had; take the tracks of a better tracker"

@@ -274,14 +274,12 @@ def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: Fl
 
 
 def _extend(states: States, recorded: BoolArray, time_s: FloatArray) -> States:
+    """Continue states at constant velocity before and after the recorded steps, which are consecutive."""
     steps = np.arange(recorded.shape[1])
     first = np.argmax(recorded, axis=1)[:, None]
     last = recorded.shape[1] - 1 - np.argmax(recorded[:, ::-1], axis=1)[:, None]
     source = np.clip(steps, first, last)
-    away = time_s - time_s[source]
-    heading, speed = (np.take_along_axis(a, source, axis=1) for a in (states.heading, states.speed))
-    x = np.take_along_axis(states.x, source, axis=1) + away * speed * np.cos(heading)
-    y = np.take_along_axis(states.y, source, axis=1) + away * speed * np.sin(heading)
-    return States(
-        x=np.where(recorded, states.x, x), y=np.where(recorded, states.y, y), heading=heading, speed=speed
-    )
+    nearest = states[np.arange(len(recorded))[:, None], source]
+    driven_m = (time_s - time_s[source]) * nearest.speed
+    x, y = nearest.x + driven_m * np.cos(nearest.heading), nearest.y + driven_m * np.sin(nearest.heading)
+    return replace(nearest, x=x, y=y)
