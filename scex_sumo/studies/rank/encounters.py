@@ -95,14 +95,12 @@ def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Tab
     for verdict in triage:
         verdicts_of.setdefault(_key(verdict), []).insert(0, verdict)
     doubts, verdicts = [], list[Mapping[str, str]]()
-    for row in encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist():
-        times = (
-            verdict
-            for verdict in verdicts_of.get(_key(row), ())
-            if row["first_s"] <= float(verdict["time_s"]) <= row["last_s"]
-        )
-        verdicts.append(next(times, {}))
-        doubts.append(DATA_ERROR_DOUBT if verdicts[-1].get("verdict") == DATA_ERROR else row["doubt"])
+    for encounter in encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist():
+        first_s, last_s, doubt = (encounter[name] for name in ("first_s", "last_s", "doubt"))
+        of_pair = verdicts_of.get(_key(encounter), ())
+        within = (verdict for verdict in of_pair if first_s <= float(verdict["time_s"]) <= last_s)
+        verdicts.append(next(within, {}))
+        doubts.append(DATA_ERROR_DOUBT if verdicts[-1].get("verdict") == DATA_ERROR else doubt)
     columns = {name: [verdict.get(name) or None for verdict in verdicts] for name in TRIAGE}
     return with_columns(encounters, {"doubt": doubts, **columns})
 

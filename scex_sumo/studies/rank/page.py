@@ -126,14 +126,14 @@ def write_ranking_page(
     own_pairs, stages = {ref.moment: table for ref, table in pairs}, dict[tuple[str, int, int], Stage]()
     places, roads = places_of(ranking), dict[str, Html]()
 
-    def asked() -> Iterator[_ReportTask]:
+    def report_tasks() -> Iterator[_ReportTask]:
         for task in run.tasks([*refs.values()]):
             name = task.ref.moment
             own = [encounter for encounter in top if encounter["seed"] == name]
             command = _command(run, task.ref)
             yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own)
 
-    for task, reported in run.workers.run_each(_reported, asked()):
+    for task, reported in run.workers.run_each(_reported, report_tasks()):
         site = task.ref.location
         if site in places and site not in roads:
             roads[site] = road_svg(lane_lines(unpack_road(task.road), box_of(places[site])))
