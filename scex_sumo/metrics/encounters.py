@@ -125,12 +125,16 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
 def _crossings(scenes: Scenes) -> FloatArray:
     """Return (P, C, 2) least PET of pairs, and whether their planned paths cross."""
     futures, steps = scenes.shape
-    size = len(scenes.pairs[0]) * futures
-    times = pet(scenes)
+    pairs = len(scenes.pairs[0])
+    size, times = pairs * futures, pet(scenes)
     time = np.full(2 * size, np.inf)
     np.minimum.at(time, times.where // max(steps, 1), times.value)
     least_pet = np.minimum(time[:size], time[size:])
-    return np.stack([least_pet, _cross(scenes)], axis=1).reshape(-1, futures, 2)
+    cross = np.zeros(size)
+    if scenes.planned is not None and size and steps:
+        ordered, scene = np.divmod(scenes.once(paths_ahead).next_crossings.where, scenes.count)
+        cross[(ordered % pairs) * futures + scene // steps] = 1.0
+    return np.stack([least_pet, cross], axis=1).reshape(-1, futures, 2)
 
 
 def _least_gaps(scenes: Scenes) -> FloatArray:
@@ -169,13 +173,3 @@ def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tu
     least, at_step = np.full(size, np.inf), np.full(size, -1)
     least[key[first]], at_step[key[first]] = value[first], step[first]
     return least, at_step
-
-
-def _cross(scenes: Scenes) -> BoolArray:
-    futures, steps = scenes.shape
-    pairs = len(scenes.pairs[0])
-    cross = np.zeros(pairs * futures, dtype=bool)
-    if scenes.planned is not None and pairs and steps:
-        ordered, scene = np.divmod(scenes.once(paths_ahead).next_crossings.where, futures * steps)
-        cross[(ordered % pairs) * futures + scene // steps] = True
-    return cross

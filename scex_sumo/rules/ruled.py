@@ -74,8 +74,7 @@ class RuledDriver(IdmDriver):
     ) -> list[Intent]:
         """See `DrivesAlong`."""
         vehicles = VehicleIndex.join(groups)
-        path = drivers[0].profile.path
-        paths, row = chosen_paths(history, road, vehicles, path)
+        paths, row = chosen_paths(history, road, vehicles, drivers[0].profile.path)
         hold: FloatArray | None = None
         if history.scene.rules is not None:
             from scex_sumo.rules.holds import lights, obeyed
@@ -84,10 +83,7 @@ class RuledDriver(IdmDriver):
             manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
             on = OnPath(history, vehicles, paths, row)
             hold = obeyed(on, traffic, manner, lights(history, paths)).hold
-        if hold is not None and path == "straight":
-            s = traffic.arc_length[vehicles.future, vehicles.vehicle]
-        else:
-            s, _, _ = path_positions(history, vehicles, paths, row)
+        s, _, _ = path_positions(history, vehicles, paths, row)
         near = {"clearance": drivers[0].profile.clearance, "radius": drivers[0].profile.radius}
         leaders = find_leaders(history, vehicles, paths, row, s, **near)
         intents, end = [], 0

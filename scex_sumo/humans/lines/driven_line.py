@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, between
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, gaussian
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.humans.observed.observations import CLEAR_M, lane_bounds
@@ -61,10 +61,7 @@ def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: f
     reach = SPRING * np.maximum(room.sum(axis=2) / 2, 1.0)
     knots = (values[:, ::EVERY] for values in (points, normal, least, most, moved, reach))
     shift = _band(EVERY * ds, *knots)
-    place = np.arange(points.shape[1]) / EVERY
-    low = np.minimum(place.astype(np.int64), shift.shape[1] - 2)
-    share = np.minimum(place - low, 1.0)
-    fine = shift[:, low] * (1 - share) + shift[:, low + 1] * share
+    fine = between(shift, np.arange(points.shape[1]) / EVERY)
     fine = gaussian(fine[..., None], ROUND_M / ds)
     return np.asarray(points + fine * normal)
 
