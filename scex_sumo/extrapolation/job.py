@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -181,11 +181,11 @@ def _simulator(job: Job, futures: IntArray) -> Simulator:
     request = WorldRequest(scene=job.scene, net=job.net, models=job.models.names, slots=slots, gui=job.gui)
     simulator = WORLDS.load(job.settings.world)
     # sumo-gui shows the map as it is.
-    if not (job.road.left_hand and simulator.has_sumo) or job.gui:
-        return cast("Simulator", simulator(request))
-    from scex_sumo.world.mirror import MirroredSimulator
+    if job.road.left_hand and simulator.has_sumo and not job.gui:
+        from scex_sumo.world.mirror import MirroredSimulator
 
-    return cast("Simulator", MirroredSimulator(simulator, request))
+        simulator = partial(MirroredSimulator, simulator)
+    return cast("Simulator", simulator(request))
 
 
 def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: OnStep | None = None) -> Part:
@@ -273,8 +273,8 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
         routes = model.routes(scene, road, vehicle, batch.route_draw[future, vehicle])
         for c, v, lanes in zip(future.tolist(), vehicle.tolist(), routes, strict=True):
             intention = job.scene.intention(v) if model.path in ("straight", "random") else None
-            edges = job.net.lanes.edges(lanes) if intention is None else intention.edges
-            if not edges:
+            route = tuple(job.net.lanes.edges(lanes) if intention is None else intention.edges)
+            if not route:
                 raise ScexError(
                     f"{batch.names[index]}: vehicle {job.scene.track_ids[v]} is not on a mapped lane, "
                     "so SUMO cannot drive it; give it another model with --assign"
@@ -283,12 +283,7 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
             arrival = None if intention is None else intention.arrival
             driven.append(
                 SumoDriven(
-                    future=c,
-                    vehicle=v,
-                    model=name,
-                    parameters=parameters,
-                    edges=tuple(edges),
-                    arrival=arrival,
+                    future=c, vehicle=v, model=name, parameters=parameters, edges=route, arrival=arrival
                 )
             )
     return driven
