@@ -117,12 +117,9 @@ def plan_once(
 
     All futures begin in one scene, so that the first plans differ by vehicle only.
     """
-    sight = declared(model).sight
-    if sight is None or len(vehicles) < 2:
+    if declared(model).sight is None or len(vehicles) < 2:
         return model.plan(history, road, vehicles, rng)
     first, kind = _situations(model, history, vehicles)
-    if sight == "itself":
-        return handed_out(model.plan(history, road, vehicles[first], rng), kind)
     few, asked, futures = _in_few(history, vehicles[first])
     return handed_out(model.plan(few, road, asked, [rng[c] for c in futures.tolist()]), kind)
 
