@@ -68,8 +68,8 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals))
     if recorded is not None:
-        row = values_table(columns, recorded.values.values, recorded.values.defined)
-        folder.write_table("recorded.parquet", row)
+        recorded_row = values_table(columns, recorded.values.values, recorded.values.defined)
+        folder.write_table("recorded.parquet", recorded_row)
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
     save_intentions(folder.path, job.scene)

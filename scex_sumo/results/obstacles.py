@@ -137,13 +137,13 @@ def some_obstacles(others: Obstacles, keep: BoolArray) -> Obstacles | None:
     )
 
 
-def _both(one: Obstacles, other: Obstacles) -> Obstacles:
+def _both(obstacles: Obstacles, added: Obstacles) -> Obstacles:
     return Obstacles(
-        ids=one.ids + other.ids,
-        types=one.types + other.types,
-        length=np.concatenate([one.length, other.length]),
-        width=np.concatenate([one.width, other.width]),
-        states=States.concatenate([one.states, other.states], axis=0),
-        present=np.concatenate([one.present, other.present]),
-        walks=one.walks and (*one.walks, *[Walk()] * len(other.ids)),
+        ids=obstacles.ids + added.ids,
+        types=obstacles.types + added.types,
+        length=np.concatenate([obstacles.length, added.length]),
+        width=np.concatenate([obstacles.width, added.width]),
+        states=States.concatenate([obstacles.states, added.states], axis=0),
+        present=np.concatenate([obstacles.present, added.present]),
+        walks=obstacles.walks and (*obstacles.walks, *[Walk()] * len(added.ids)),
     )

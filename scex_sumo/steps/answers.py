@@ -39,10 +39,10 @@ def run_answer(run: Run) -> dict[str, Any]:
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
         "stress_test": [
-            {"pairs": [(one.row["track_id"], one.row["other_id"])], "words": one.words()}
-            for one in worst_stress(run)
+            {"pairs": [(meeting.row["track_id"], meeting.row["other_id"])], "words": meeting.words()}
+            for meeting in worst_stress(run)
         ],
-        "encounters": [one.named_row for one in meetings(run)],
+        "encounters": [meeting.named_row for meeting in meetings(run)],
         "human_like": _human_like(run),
     }
 

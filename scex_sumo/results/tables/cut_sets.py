@@ -135,8 +135,8 @@ def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tupl
         happens: (C,).
     """
     frequent = np.flatnonzero(has[happens].sum(axis=0) >= LEAST_FUTURES)
-    often = has[:, frequent]
-    hits, misses = (often[rows].T @ often[rows] for rows in (happens, ~happens))
+    drives = has[:, frequent]
+    hits, misses = (drives[rows].T @ drives[rows] for rows in (happens, ~happens))
     alone = np.diag(hits) / np.diag(hits + misses)
     before = np.maximum(np.maximum.outer(alone, alone), happens.mean())  # share with one model less
     np.fill_diagonal(before, happens.mean())

@@ -256,8 +256,8 @@ class Encounter:
     @property
     def pair(self) -> tuple[int, int]:
         """Track ids, ascending."""
-        one, other = sorted((self.row["track_id"], self.row["other_id"]))
-        return one, other
+        first, second = sorted((self.row["track_id"], self.row["other_id"]))
+        return first, second
 
     @property
     def collision(self) -> Interval:
