@@ -62,13 +62,13 @@ def _fits(value: Any, wanted: ast.expr) -> bool:
     if name in _KINDS:
         return isinstance(value, _KINDS[name]) and not (isinstance(value, bool) and name in ("int", "float"))
     if name not in ("Sequence", "tuple"):
-        return name not in _CLASSES or any(one.__name__ == name for one in type(value).__mro__)
+        return name not in _CLASSES or any(kind.__name__ == name for kind in type(value).__mro__)
     if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__len__"):
         return False
     assert isinstance(wanted, ast.Subscript)
     items = wanted.slice.elts if isinstance(wanted.slice, ast.Tuple) else [wanted.slice]
     if name == "Sequence" or ast.unparse(items[-1]) == "...":
-        return all(_fits(one, items[0]) for one in value)
+        return all(_fits(item, items[0]) for item in value)
     return len(value) == len(items) and all(map(_fits, value, items))
 
 

@@ -125,5 +125,5 @@ def _contradiction(links: Sequence[Link]) -> str:
             other = by_row.get(row)
             both = other is not None and link.row in other.yields and link.light is None
             if other is not None and both and not {link.state, other.state} & set(BOTH_WAYS):
-                return " and ".join(f"{one.lanes[0]} to {one.lanes[-1]}" for one in (link, other))
+                return " and ".join(f"{waiting.lanes[0]} to {waiting.lanes[-1]}" for waiting in (link, other))
     return ""
