@@ -100,9 +100,8 @@ class Trainer:
         drift: Drift | None = None,
         folder: Path | None = None,
     ) -> None:
-        self.dataset, self.options, self.folder = dataset, options, folder
+        self.dataset, self.options, self.drift, self.folder = dataset, options, drift, folder
         self.device = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
         self.net: Net = NETWORKS[options.kind](options.sizes)
         self._fit_inputs()
@@ -315,16 +314,14 @@ def roughen(net: Net, options: TrainOptions) -> None:
         return out + options.noise * torch.randn_like(out) if module.training else out
 
     for module in net.modules():
-        if isinstance(module, nn.ReLU) and options.dropout:
+        if isinstance(module, nn.ReLU):
             module.register_forward_hook(drop)
-        if isinstance(module, ScalerModule) and options.noise:
+        if isinstance(module, ScalerModule):
             module.register_forward_hook(shake)
 
 
 def unlinked(batch: Batch, share: float) -> Batch:
     """Drop a share of a batch's edges."""
-    if not share:
-        return batch
     keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
     scene = batch.scene._replace(edge_index=batch.scene.edge_index[:, keep], edge=batch.scene.edge[keep])
     return replace(batch, scene=scene)
