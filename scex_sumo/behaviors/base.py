@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.road import Road
 
 PLAN_STEPS = 30
 _PACKAGE: Final = __name__.partition(".")[0]

@@ -38,6 +38,10 @@ class CandidatePath:
     intended: bool = False  # whether it is the route that SUMO's simulation has for the vehicle
 
 
+OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
+"""Straight on, of a vehicle beside the lanes."""
+
+
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
     """Return the lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
-from typing import Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
 from scex_sumo.behaviors.driving.paths import DS_M, OnPath, PathChoice, SeedPaths, chosen_paths, expected_way
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.road import Road
 
 REAR_AXLE_SHARE = 0.3  # of the length, behind the centre
 CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m

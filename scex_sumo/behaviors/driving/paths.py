@@ -10,16 +10,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from math import ceil
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.geometry.polylines import Feet, Paths, along, arc_lengths, curvature, length_of, wrap
-from scex_sumo.road import Road
-from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.road import Road
+    from scex_sumo.roads.routes import CandidatePath
 
 DS_M = 0.5
 BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
@@ -28,9 +30,8 @@ LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... time
 OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
 OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.8, 0.15
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
-OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
 PathChoice: TypeAlias = int | Literal["straight", "random"]
-Redraw: TypeAlias = Callable[[Road, "SeedPaths"], FloatArray]
+Redraw: TypeAlias = "Callable[[Road, SeedPaths], FloatArray]"
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
 CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
 
@@ -141,6 +142,9 @@ def _redrawn(scene: SeedScene, road: Road, horizon_s: float, redraw: Redraw) -> 
 
 @owner_cache
 def _smoothed(scene: SeedScene, road: Road, horizon_s: float) -> SeedPaths:
+    # Models drive along paths without knowing how routes are found.
+    from scex_sumo.roads.routes import OFF_ROAD, candidate_paths, centreline
+
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     choices = [routes or [OFF_ROAD] for routes in candidate_paths(road, scene)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from scex_sumo.behaviors.driving.motion import (
     own_motion,
 )
 from scex_sumo.behaviors.driving.paths import OnPath, PathChoice, SeedPaths, chosen_paths, path_positions
-from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.road import Road
 
 LINE_GAP_M = 0.5  # before a place to stop
 LINE_BRAKING = 0.7  # of the comfortable deceleration, for one
