@@ -99,9 +99,9 @@ def _fresh(root: Path) -> _Named:
 def _seed(loaded: scex_sumo.LoadedRecording, time_s: float) -> SeedScene | None:
     try:
         whole = scex_sumo.seed_at(loaded, time_s)
-        return reduced(whole, choose_vehicles(whole, VEHICLES))
-    except ScexError:  # too few vehicles at this moment
+    except ScexError:  # nobody at this moment
         return None
+    return reduced(whole, choose_vehicles(whole, VEHICLES)) if whole.vehicles >= VEHICLES else None
 
 
 def truths(cache: Path, which: str, wanted: int) -> list[Truth]:

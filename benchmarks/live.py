@@ -7,14 +7,6 @@ at times ignore who has the right of way, so they collide (--collision.action wa
 at 1, 2 and 3 s before, with all pairs within 50 m at that time that do not touch yet: the share of
 collisions whose pair is among the top 5 %, and the area under the ROC curve of all pairs.
 
-    python -m benchmarks.live speed SCENARIO.sumocfg [--vehicles 25] [--moments 20]
-
-Processor time and wall time of a moment of a watch: the first one, and those of warm processes.
-
-    python -m benchmarks.live again OUT [--vehicles 20] [--futures 64] [--workers 2]
-
-Wall time of the first and of further calls of `Watch.extrapolate` in one session, of the grid above.
-
     xvfb-run -a python -m benchmarks.live film FILM.mp4 [--scenario MINE.sumocfg] [--from 20] [--to 40]
 
 Film of sumo-gui while it is watched, a picture for each step of the simulation, and a picture of the worst
@@ -25,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 import warnings
 from itertools import combinations
 from pathlib import Path
@@ -38,7 +29,7 @@ from PIL import Image
 
 from scex_sumo.live.moment import Focus
 from scex_sumo.live.risk import Question, Risk, assess
-from scex_sumo.live.session import Session, Told
+from scex_sumo.live.session import Receiver, Session
 from scex_sumo.live.watch import Watch
 from tests.formats.sumo.simulations import run as sumo_program
 
@@ -54,7 +45,7 @@ CONFIG = """<configuration><input><net-file value="g.net.xml"/><route-files valu
  <time><end value="600"/><step-length value="0.1"/></time></configuration>"""
 
 
-def write_scenario(folder: Path, *, departures_s: float = 600.0) -> None:
+def write_scenario(folder: Path) -> None:
     """Write a grid of 2 x 2 junctions with roads to all sides and traffic through it."""
     grid = ["--grid", "--grid.number", 2, "--grid.length", 120, "--grid.attach-length", 120, "-L", 1]
     sumo_program("netgenerate", *grid, "-j", "priority", "-o", "g.net.xml", "--seed", 3, cwd=folder)
@@ -64,7 +55,7 @@ def write_scenario(folder: Path, *, departures_s: float = 600.0) -> None:
     out = [
         e for e in ends if any(word in e[1:] for word in ("left", "right", "top", "bottom")) and e not in into
     ]
-    flow = f'begin="0" end="{departures_s:g}" probability="0.035" departSpeed="max"'
+    flow = 'begin="0" end="600" probability="0.035" departSpeed="max"'
     flows = [
         f'<flow id="{k}" type="car" {flow} from="{a}" to="{b}"/>'
         for k, (a, b) in enumerate((a, b) for a in into for b in out if a[:3] not in b)
@@ -203,41 +194,6 @@ def table(rows: list[dict]) -> None:  # type: ignore[type-arg]
         print(f"{lead:g} | {hit.sum()} | {len(here)} | " + " | ".join(words))
 
 
-def speed(config: str, vehicles: int, moments: int) -> None:
-    import libsumo as sumo
-
-    sumo.start(["sumo", "-c", config, "--step-length", "0.1", "--no-step-log", "--no-warnings"])
-    watch = Watch(sumo, None)
-    while sumo.vehicle.getIDCount() < vehicles:
-        sumo.simulationStep()
-    spent = []
-    for _ in range(moments):
-        moment = watch.moment(Focus(busiest=vehicles))
-        own, clock = time.process_time(), time.perf_counter()
-        risk = assess(moment, Question())
-        spent.append((time.process_time() - own, time.perf_counter() - clock, len(risk.vehicles)))
-        sumo.simulationStep(sumo.simulation.getTime() + 1)
-    cpu, wall, count = (np.array(values) for values in zip(*spent, strict=True))
-    print(f"{count.min()} to {count.max()} vehicles; first: {cpu[0]:.2f} s processor, {wall[0]:.2f} s")
-    middle = np.median(cpu[1:]), np.median(wall[1:]), cpu[1:].max()
-    print("then, median: {:.2f} s processor, {:.2f} s; most {:.2f} s processor".format(*middle))
-
-
-def again(folder: Path, vehicles: int, futures: int, workers: int) -> None:
-    write_scenario(folder)
-    sumo, spent = start(folder, 1), []
-    watch = Watch(sumo, folder / "g.net.xml")
-    while sumo.vehicle.getIDCount() < vehicles:
-        sumo.simulationStep()
-    for k in range(6):
-        began = time.perf_counter()
-        run = watch.extrapolate(futures=futures, workers=workers, out=folder / f"run{k}", overwrite=True)
-        spent.append(time.perf_counter() - began)
-        print(f"{run.scene.vehicles} vehicles: {spent[-1]:.2f} s")
-        sumo.simulationStep(sumo.simulation.getTime() + 1)
-    print(f"first {spent[0]:.2f} s, then median {np.median(spent[1:]):.2f} s")
-
-
 def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
     """Write a film of a watched window, and its worst moment as a picture; needs a display and PyAV."""
     risks: list[Risk] = []
@@ -249,7 +205,7 @@ def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
             config=config, out=path.with_suffix(""), gui=True, begin_s=begin_s, end_s=end_s, follow=True,
         )  # fmt: skip
 
-        def begin(watch: Watch, take: Told) -> None:
+        def begin(watch: Watch, take: Receiver) -> None:
             sumo = watch._sumo
 
             class Camera(traci.StepListener):  # type: ignore[misc]
@@ -286,37 +242,27 @@ def write_film(path: Path, pictures: list[Path], rate: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("collisions", "table", "speed", "again", "film"))
+    parser.add_argument("what", choices=("collisions", "table", "film"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--seeds", default=None)
     parser.add_argument("--scenario", type=Path)
     parser.add_argument("--from", dest="first", type=float, default=20.0)
     parser.add_argument("--to", type=float, default=75.0)
     parser.add_argument("--futures", type=int, default=64)
-    parser.add_argument("--vehicles", type=int, default=25)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--moments", type=int, default=20)
-    parser.add_argument("--count", action="store_true", help="only count the collisions")
     given = parser.parse_args()
     seeds = [*map(int, given.seeds.split(","))] if given.seeds else [*range(1, 7)]
     warnings.simplefilter("ignore")
     if given.what == "film":
         return film(given.path, given.scenario, given.first, given.to)
-    if given.what == "speed":
-        return speed(str(given.path), given.vehicles, given.moments)
     given.path.mkdir(parents=True, exist_ok=True)
-    if given.what == "again":
-        return again(given.path, given.vehicles, given.futures, given.workers)
     if given.what == "collisions":
         write_scenario(given.path)
         for seed in seeds:
             hits = collisions(given.path, seed, given.to)
             print(f"seed {seed}: {len(hits)} collisions", flush=True)
-            if not given.count:
-                rows = look(given.path, seed, hits, given.futures)
-                (given.path / f"rows{seed}.json").write_text(json.dumps(rows))
-    if not given.count:
-        table([row for file in sorted(given.path.glob("rows*.json")) for row in json.loads(file.read_text())])
+            rows = look(given.path, seed, hits, given.futures)
+            (given.path / f"rows{seed}.json").write_text(json.dumps(rows))
+    table([row for file in sorted(given.path.glob("rows*.json")) for row in json.loads(file.read_text())])
 
 
 if __name__ == "__main__":

@@ -15,8 +15,10 @@ import argparse
 import os
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from scipy.stats import ks_2samp
 
@@ -25,7 +27,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.page.figures.drawing import save, sheet
+from scex_sumo.page.figures.drawing import STYLE, save
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
@@ -159,7 +161,8 @@ def draw_sample_sizes(
 ) -> None:
     """Draw cumulative densities of all assignments and of one sample of each size; below, the distances."""
     columns = [*dict.fromkeys(column for column, _ in errors)]
-    with sheet(2.3 * len(columns), 4.2) as figure:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.3 * len(columns), 4.2), layout="constrained")
         grid = figure.subplots(2, len(columns))
         for (above, below), column in zip(grid.T, columns, strict=True):
             metric = metric_of(column)

@@ -65,6 +65,24 @@ def test_every_benchmark_has_a_line_in_their_readme() -> None:
     assert named == {path.name for path in (ROOT / "benchmarks").glob("*.py")}
 
 
+def test_every_benchmark_starts() -> None:
+    for name in ("gymnasium", "sklearn", "torch"):
+        pytest.importorskip(name)
+    code = """
+import runpy, sys
+sys.path.insert(0, "benchmarks")
+for file in sys.argv[1:]:
+    sys.argv = [file, "--help"]
+    try:
+        runpy.run_path(file, run_name="__main__")
+    except SystemExit as stop:
+        assert not stop.code, file
+"""
+    files = sorted((ROOT / "benchmarks").glob("*.py"))
+    done = script(code, *files, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_make_targets_exist() -> None:
     targets = re.findall(r"`make (\w+)`", README)
     makefile = (ROOT / "Makefile").read_text()
