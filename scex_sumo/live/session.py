@@ -54,8 +54,9 @@ class Session:
         """
         user_binary = user_sumo()
         name = "sumo-gui" if self.gui else "sumo"
-        binary = program(name)
-        if user_binary is not None:
+        if user_binary is None:
+            binary = program(name)
+        else:
             binary = str(user_binary.with_name(user_binary.name.replace("sumo", name)))
         sumo = load_sumo(gui=self.gui or user_binary is not None)
         with TemporaryFolder() as folder, _messages() as messages:

@@ -177,7 +177,10 @@ def _plans_of(planned: PlannedPaths, future: IntArray, vehicle: IntArray) -> Pla
 
 
 def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
-    """Return the values of a metric, checked; ``quick`` allows fewer pairs with the same extrema."""
+    """Return the values of a metric, checked; ``quick`` allows fewer pairs with the same extrema.
+
+    NaN of a user's metric counts as undefined.
+    """
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
     try:
         samples = function(scenes)
@@ -187,8 +190,10 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
         from scex_sumo.base.blame import own_error_reason
 
         raise InputError(f"metric {metric.name}: {own_error_reason(error)}") from error
-    if isinstance(samples, Entries):
+    if metric.name in OURS:
         return samples
+    if isinstance(samples, Entries):
+        return samples.take(np.flatnonzero(~np.isnan(samples.value)))
     if not isinstance(samples, Samples):
         raise InputError(f"metric {metric.name}: returned {type(samples).__name__}, needs Samples")
     shape = (len(samples.row), *scenes.shape)
@@ -197,7 +202,7 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
             f"metric {metric.name}: values {samples.value.shape} and mask {samples.defined.shape} "
             f"({samples.defined.dtype}) of {len(samples.row)} rows; both need shape {shape}, the mask bool"
         )
-    return samples
+    return replace(samples, defined=samples.defined & ~np.isnan(samples.value))
 
 
 def dense(samples: Samples | Entries, scenes: Scenes) -> Samples:

@@ -22,6 +22,7 @@ from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.evaluate import evaluate
+from scex_sumo.metrics.pairs.scenes import Entries
 from scex_sumo.metrics.registry import (
     COLUMNS,
     METRICS,
@@ -114,6 +115,33 @@ def test_a_metric_of_some_ordered_pairs_says_at_which_place() -> None:
     metric = Metric(name="slower", critical="max", evaluate=slower)
     rows = evaluate_pairs(vehicles(10.0, 4.0), None, metrics=[metric])["slower"]
     assert (rows.vehicle[0], rows.other[0]) == (1, 0) and set(rows.value.tolist()) == {4.0}
+
+
+def test_nan_of_an_own_metric_is_undefined() -> None:
+    """Of two vehicles, 10 and 4 m/s, the slower one's speed is NaN, also as a place of ordered pairs."""
+
+    def speed(scenes: scex.Scenes) -> scex.Samples:
+        value = np.where(scenes.speed < 5.0, np.nan, scenes.speed)
+        return scex.Samples(value=value, defined=np.ones(value.shape, np.bool_), row=np.arange(2), other=None)
+
+    def of_pairs(scenes: scex.Scenes) -> Entries:
+        value = np.repeat([np.nan, 10.0], scenes.count)
+        return Entries(where=np.arange(2 * scenes.count), value=value)
+
+    def nothing(scenes: scex.Scenes) -> scex.Samples:
+        return scenes.unordered(np.full((1, *scenes.shape), np.nan))
+
+    found = [
+        evaluate(
+            vehicles(10.0, 4.0),
+            None,
+            metrics=[Metric(name="own", critical="min", evaluate=metric, finite=finite)],
+        )
+        for metric in (speed, of_pairs, nothing)
+        for finite in (False, True)
+    ]
+    assert [values.values.tolist() for values in found[:4]] == [[[10.0, 10.0]]] * 4
+    assert not any(values.defined.any() for values in found[4:])
 
 
 def test_a_metric_of_the_users_script_reaches_another_process(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ class Samples:
         ['haste', 'haste_mean']
     """
 
-    value: FloatArray  # (K, C, T) in the metric's unit; inf is a value
+    value: FloatArray  # (K, C, T) in the metric's unit; inf is a value, NaN is none
     defined: BoolArray  # (K, C, T)
     row: IntArray  # (K,) vehicle of the value (the follower of a car-following pair)
     other: IntArray | None  # (K,) the second vehicle; None for metrics of single vehicles

@@ -41,11 +41,11 @@ class Stage:
 def stage_of_future(scene: SeedScene, pair: Mapping[str, Any], human: Part) -> Stage:
     """Return the stage of a row of `scex_sumo.decision.pairs.PAIRS`, from human-like futures of its scene."""
     whole = everybody(scene)
-    other, acting = indices_of(whole, (pair["other_id"], pair["track_id"])).tolist()
+    acting, other = indices_of(whole, (pair["other_id"], pair["track_id"])).tolist()
     index = int(np.searchsorted(human.futures, pair["future"]))
     driven = with_everybody(scene, human.states[index : index + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
     last = min(round(pair["conflict_s"] / STEP_S) + _BEYOND, driven.shape[1] - 1)
-    return stage_of_motion(whole, (other, acting), driven[[other, acting], : last + 1])
+    return stage_of_motion(whole, (acting, other), driven[[acting, other], : last + 1])
 
 
 def stage_of_motion(scene: SeedScene, pair: tuple[int, int], motion: States) -> Stage:
