@@ -66,7 +66,7 @@ def metrics_command(
 
 def _of_run(folder: Path) -> tuple[str, ...]:
     """Return the metrics that a run evaluated."""
-    from scex_sumo.metrics.registry import METRICS, known_metrics
+    from scex_sumo.metrics.registry import OURS, known_metrics
     from scex_sumo.results.run import open_run
 
     if not (folder / "run.json").is_file():
@@ -78,6 +78,6 @@ def _of_run(folder: Path) -> tuple[str, ...]:
     if unknown:
         raise UsageError(
             f"{folder}: {', '.join(unknown)[:80]} is not installed; name other metrics, e.g. "
-            f"--metrics {','.join([n for n in names if n in METRICS] or ['ttc'])},package.module:function"
+            f"--metrics {','.join([n for n in names if n in OURS] or ['ttc'])},package.module:function"
         )
-    return tuple(names or [name for name in METRICS if name in run.columns])
+    return tuple(names or [name for name in OURS if name in run.columns])

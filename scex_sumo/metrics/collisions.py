@@ -204,15 +204,13 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
     present = None if tracks.present is None else tracks.present[:, start:]
-    one, two = np.triu_indices(x.shape[2], 1)
-    meet = np.ones((x.shape[0], one.size), dtype=bool)
+    meet = np.triu(np.ones((1, x.shape[2], x.shape[2]), dtype=bool), 1)  # (C, V, V)
     for values in (x, y):  # boxes around all that vehicles drive
         low = values if present is None else np.where(present, values, np.inf)
         high = values if present is None else np.where(present, values, -np.inf)
         low, high = low.min(axis=1) - radius, high.max(axis=1) + radius
-        meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
-    future, pair = np.nonzero(meet)
-    first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
+        meet = meet & (low[:, :, None] <= high[:, None]) & (low[:, None] <= high[:, :, None])
+    future, first, second = np.nonzero(meet)
     # time last and contiguous: (pairs, steps)
     tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
     parts = []

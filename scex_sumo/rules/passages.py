@@ -188,10 +188,9 @@ class Lit:
 
 
 class Traffic(NamedTuple):
-    """Places of all vehicles on their paths: (C, V) path, centre, front and rear, m, and speed, m/s."""
+    """Places of all vehicles on their paths: (C, V) path, front and rear, m, and speed, m/s."""
 
     row: IntArray
-    arc_length: FloatArray
     front: FloatArray
     rear: FloatArray
     speed: FloatArray
@@ -206,7 +205,7 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, path: IntArray) -> Traff
     s, half = s.reshape(path.shape), history.scene.length / 2
     speed = history.states.speed
     slowest, gained = speed.min(axis=2), now.speed - speed[:, :, -1 - GAIN_STEPS]
-    return Traffic(path, s, s + half, s - half, np.maximum(now.speed, 0.0), slowest, gained)
+    return Traffic(path, s + half, s - half, np.maximum(now.speed, 0.0), slowest, gained)
 
 
 @owner_cache

@@ -194,6 +194,16 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
         evaluate(vehicles(1.0, 2.0), None, metrics=[run.metric("speed_gap")])
 
 
+def test_a_result_with_an_unknown_metric_names_the_others_that_it_has(
+    example: Path, registered_metrics: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    described = describe_metrics(metrics_named(["closeness:speed_gap", "time_margin"]))
+    registered_metrics.clear()
+    result_with(tmp_path, "speed_gap", [4.0], metrics=described)
+    assert command.status("metrics", tmp_path) == 2
+    assert "e.g. --metrics time_margin,package.module:function" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", OURS)
 def test_a_result_says_which_formula_a_metric_of_ours_has(name: str) -> None:
     place, function = str(metric_of(name).description()["function"]).split(":")
