@@ -224,7 +224,7 @@ def _slowing_for_curves(
 
     def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         # A moment ahead too, so that the car does not lag behind.
-        here, soon = (speeds[paths.sample_at(row, sample + ahead)] for sample in (s, s + v * CURVE_TIME_S))
+        here, soon = (speeds[paths.sample_at(row, arc + ahead)] for arc in (s, s + v * CURVE_TIME_S))
         slowing = (np.minimum(here, soon) - v) / CURVE_TIME_S
         return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -CURVE_BRAKING))
 

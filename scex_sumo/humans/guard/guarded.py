@@ -83,8 +83,8 @@ def _timed(
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), human.release_mps2)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, moves_m, strict=True)):
-        vehicle_states = np.repeat(s, count), np.repeat(v, count)
-        bound = responses(lines, first, step, *vehicle_states, aware=aware, human=human)
+        s_of_lines, v_of_lines = np.repeat(s, count), np.repeat(v, count)
+        bound = responses(lines, first, step, s_of_lines, v_of_lines, aware=aware, human=human)
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
