@@ -92,8 +92,8 @@ def from_row(row: dict[str, Any]) -> dict[str, Any]:
 
 def moment_name(recording: str, case: str, time_s: float) -> str:
     """Name a moment by recording, case and time, in milliseconds if needed."""
-    time = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
-    return plain(f"{recording}_case{case}_t{time}" if case else f"{recording}_t{time}")
+    seconds = f"{time_s:.1f}" if abs(time_s - round(time_s, 1)) < 1e-6 else f"{time_s:.3f}"
+    return plain(f"{recording}_case{case}_t{seconds}" if case else f"{recording}_t{seconds}")
 
 
 def plain(name: str) -> str:
