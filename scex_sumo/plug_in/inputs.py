@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -16,11 +17,11 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import check_positive
-from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_kinds, road_user
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, VehicleIndex
+from scex_sumo.scene import HISTORY_STEPS, REPLAYED, SceneHistory, States, VehicleIndex
 
 ARRAYS: Final = (
     *("history", "size", "kind", "neighbours", "neighbour_size", "neighbour_kind", "neighbour_mask"),
@@ -30,6 +31,7 @@ ARRAYS: Final = (
 
 KINDS: Final = ("car", "truck", "motorcycle", "bicycle", "pedestrian", "other")
 _KIND_OF = {"van": "car", "bus": "truck", "tram": "other"}  # where a `road_user` is none of them
+_VEHICLES = MOTOR_TYPES | {"parked", REPLAYED}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +98,17 @@ def predictor_inputs(
     return {name: inputs[name] for name in names}
 
 
-def _kinds(types: Sequence[str]) -> IntArray:
+def _kinds(types: Sequence[str], unknown: str = "car") -> IntArray:
     """Return the indices into `KINDS` of recorded types, e.g. ``truck_bus``."""
-    users = map(road_user, types)
-    return np.array([KINDS.index(_KIND_OF.get(user, user)) for user in users], dtype=np.int64)
+    return np.array([_kind(word.lower(), unknown) for word in types], dtype=np.int64)
+
+
+@cache
+def _kind(word: str, unknown: str) -> int:
+    user = road_user(word)
+    if user == "car" and word not in _VEHICLES:  # `road_user` takes all other words for cars
+        user = unknown
+    return KINDS.index(_KIND_OF.get(user, user))
 
 
 def _others(
@@ -121,7 +130,7 @@ def _others(
         further = np.where(there, _apart(now, obstacles.states[:, steps[:, -1]].swapaxes(0, 1)), np.inf)
         distance = np.concatenate([distance, further], axis=1)
         size = np.concatenate([size, np.stack([obstacles.length, obstacles.width], axis=-1)])
-        kinds = np.concatenate([kinds, _kinds(obstacle_kinds(obstacles))])
+        kinds = np.concatenate([kinds, _kinds(obstacle_kinds(obstacles), "other")])
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
     past = states[vehicles.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
     if obstacles is not None:

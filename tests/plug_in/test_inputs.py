@@ -54,6 +54,14 @@ def test_kinds_are_those_of_any_data_set() -> None:
     assert sorted(seen["neighbour_kind"][0].tolist()) == [1, 3, 4, 5]
 
 
+def test_obstacles_of_an_unknown_type_are_other() -> None:
+    types = ("animal", "construction", "parked")
+    people = people_of(steady(*[(10.0, 23.0, 0.0, 0.0)] * 3), *types)
+    history = roads.present(replace(SCENE, obstacles=people))
+    seen = predictor_inputs(history, roads.straight(), roads.every(history), Surroundings(neighbours=4))
+    assert sorted(seen["neighbour_kind"][0].tolist()) == [0, 0, 5, 5]
+
+
 def test_pedestrians_are_neighbours_with_their_own_past() -> None:
     walk = steady((10.0, 23.0, np.pi / 2, 1.0), time_s=0.1 * np.arange(14))
     walked = people_of(walk, length=0.5, present=np.array([[True] * 13 + [False]]))
