@@ -75,7 +75,7 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
         tracks_file = tracks.resolve()
         named = filter(lambda recording: tracks_file in map(Path.resolve, recording.track_paths), recordings)
         recordings = tuple(named) or recordings
-    maps = sorted({recording.map_path for recording in recordings} or filter(is_map, files))
+    maps = sorted({recording.map_path for recording in recordings} or _maps(files))
     if not maps:
         raise MapError(f"{path}: a folder without a map or recording; {_why_none(files, results)}")
     summary = f"{path}: {len(recordings)} recordings on {len(maps)} maps"
@@ -90,6 +90,12 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
         shown = listed(os.path.relpath(place, path) for place in places)
         raise MapError(f"{path}: {len(places)} recordings; give one of them with --tracks: {shown}")
     return maps[0], places[0]
+
+
+def _maps(files: Sequence[Path]) -> set[Path]:
+    """Return the maps among files; of a plain and a packed one the plain."""
+    unpacked = (path.with_name(unpacked_name(path)) for path in files if is_map(path))
+    return set(filter(None, map(plain_or_packed, unpacked)))
 
 
 def _recordings_of(files: Sequence[Path]) -> tuple[Recording, ...]:

@@ -48,9 +48,9 @@ def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
             other = lanes[j]
             if other.kind == lane.kind and _same_line(lane.left_bound, other.right_bound):
                 right_of[j] = i
-    groups = []
+    groups, right = [], set(right_of.values())
     for i in lanes:
-        if i not in right_of.values():
+        if i not in right:
             group = [i]
             while group[-1] in right_of:
                 group.append(right_of[group[-1]])

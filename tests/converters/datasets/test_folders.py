@@ -61,6 +61,12 @@ def test_a_packed_map_is_found_in_a_folder_and_called_swapped_with_its_tracks(fo
     assert map_and_tracks(folder) == (packed, own)
 
 
+def test_a_map_that_is_plain_and_packed_is_one_map(folder: Path) -> None:
+    (folder / "a.osm.gz").write_bytes(gzip.compress((folder / "a.osm").read_bytes()))
+    (folder / "a.csv").unlink()
+    assert map_and_tracks(folder) == (folder / "a.osm", None)
+
+
 def test_a_recording_in_the_place_of_its_map_names_the_map(folder: Path) -> None:
     for read in (scex_sumo.read_map, scex_sumo.read_seed, find_tracks):
         with pytest.raises(MapError, match=r"a\.csv: a recording, not a map; its map is \S+a\.osm"):
