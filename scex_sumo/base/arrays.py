@@ -43,7 +43,7 @@ def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | floa
     return result
 
 
-def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
+def distinct(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
     """Find the distinct rows of an array (n, K), compared bit by bit.
 
     Returns:

@@ -263,7 +263,7 @@ def _rings(ways: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
     rings = []
     rest = [nodes for nodes in ways if len(nodes) > 1]
     while rest:
-        ring = extended(rest.pop(0), rest)
+        ring = extended(rest.pop(0), rest, is_ring=True)
         if ring[0] == ring[-1] and len(ring) > 3:
             rings.append(ring)
     return rings

@@ -132,9 +132,12 @@ def _chain(pieces: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     return None if rest else line
 
 
-def extended(line: tuple[int, ...], rest: list[tuple[int, ...]]) -> tuple[int, ...]:
-    """Join node sequences to the end of another, in place of the rest, until it is closed or none fits."""
-    while line[0] != line[-1] and (piece := next((p for p in rest if line[-1] in (p[0], p[-1])), None)):
+def extended(line: tuple[int, ...], rest: list[tuple[int, ...]], *, is_ring: bool = False) -> tuple[int, ...]:
+    """Move node sequences of ``rest`` to the end of another, until none fits or a ring is closed."""
+    while not (is_ring and line[0] == line[-1]):
+        piece = next((p for p in rest if line[-1] in (p[0], p[-1])), None)
+        if piece is None:
+            break
         rest.remove(piece)
         line += piece[1:] if piece[0] == line[-1] else piece[-2::-1]
     return line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -292,25 +293,26 @@ def drawn_lines(lanelets: Lanelets) -> list[tuple[str, str, FloatArray]]:
 def opposite_lanes(lanelets: Lanelets) -> list[Lanelet]:
     """Return the opposite lane of each lanelet that cars drive both ways, without lane changes.
 
-    They follow, and are followed by, the lanes that they meet.
+    They follow each other as the lanelets do; `DrawnMap` joins them with the other lanes that they meet.
     """
     two_way = {
         i: lanelet for i, lanelet in lanelets.items() if lanelet.kind == "vehicle" and lanelet.both_ways
     }
+    new_ids = dict(zip(two_way, itertools.count(max(lanelets, default=0) + 1), strict=False))
     return [
         replace(
             lanelet,
-            name=new_id,
+            name=new_ids[i],
             reverse_of=i,
             centre=None if lanelet.centre is None else lanelet.centre[::-1],
             left=lanelet.right[::-1],
             right=lanelet.left[::-1],
-            successors=None,
-            predecessors=None,
+            successors=[new_ids[j] for j in lanelet.predecessors or () if j in new_ids],
+            predecessors=[new_ids[j] for j in lanelet.successors or () if j in new_ids],
             left_neighbours=(),
             right_neighbours=(),
         )
-        for new_id, (i, lanelet) in enumerate(two_way.items(), max(lanelets, default=0) + 1)
+        for i, lanelet in two_way.items()
     ]
 
 

@@ -43,8 +43,8 @@ class DrawnLane:
         limit_mps: None: the country's.
         inside: in an intersection, where no lane change is allowed.
         closed: sides, ``left`` or ``right``, whose marking forbids a change, or one, as ``left leftwards``.
-        reverse_of: name, an id, of the lane that this one drives in the opposite direction; it may join
-            lanes that name their successors and predecessors.
+        reverse_of: name, an id, of the lane that this one drives in the opposite direction; it also follows
+            lanes, and is followed by lanes, that it meets and that do not name it.
         successors: names; None: lanes that begin where this one ends.
         predecessors: names; None: lanes that this one succeeds.
         left_neighbours: names; None: the lane beside it, so ``right_neighbours``.
@@ -236,8 +236,9 @@ def _links(
     cars = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
     of = {ids[lane.name]: lane for lane in drawn.lanes if ids[lane.name] in lanes}
     joined, left_of = {}, {}
-    if any(of[i].successors is None for i in cars):
+    if any(of[i].successors is None or of[i].reverse_of for i in cars):
         joined = _joined(cars)
+    if any(of[i].successors is None for i in cars):
         drawn.remarks.append("lanes without successors in the map: lanes whose ends meet are joined")
     if any(of[i].left_neighbours is None for i in cars):
         left_of = _side_by_side(cars)
@@ -256,14 +257,16 @@ def _links(
     behind: dict[int, list[int]] = {}
     after, before, left, right = {}, {}, {}, {}
     for i, lane in of.items():
-        after[i] = [j for j in joined.get(i, ()) if lane.successors is None or of[j].reverse_of]
+        joins = lane.successors is None or lane.reverse_of
+        after[i] = [j for j in joined.get(i, ()) if joins or of[j].reverse_of]
         after[i] += named(lane.successors or ())
         left[i] = beside(i, lane.left_neighbours, left_of)
         right[i] = beside(i, lane.right_neighbours, right_of)
         for j in after[i]:
             behind.setdefault(j, []).append(i)
     for i, lane in of.items():
-        before[i] = [j for j in behind.get(i, ()) if lane.predecessors is None or of[j].reverse_of]
+        joins = lane.predecessors is None or lane.reverse_of
+        before[i] = [j for j in behind.get(i, ()) if joins or of[j].reverse_of]
         before[i] += named(lane.predecessors or ())
     return (after, before), (left, right)
 

@@ -88,7 +88,7 @@ def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     futures, vehicles = poses.shape[:2]
     owner = np.tile(np.arange(vehicles), futures)
     tracks = np.column_stack([owner, poses.reshape(len(owner), -1)])
-    first, which = distinct(tracks.astype(np.float64))
+    first, which = distinct(tracks)
     return which.reshape(futures, vehicles), first // vehicles, owner[first]
 
 

@@ -133,6 +133,17 @@ def test_bounds_in_pieces_are_joined(tmp_path: Path) -> None:
     assert one_note(road) == "lanelets with bounds in several pieces, joined: 1"
 
 
+def test_a_bound_that_ends_in_a_loop_is_joined_also_if_the_loop_is_listed_first(tmp_path: Path) -> None:
+    loop = [(50, 3.5), (52, 6), (48, 6), (50, 3.5)]
+    text = draw_map([straight(1, 0, 50)], lines=[Line(7, loop)])
+    first = "<member type='way' ref='7' role='left'/>"
+    text = re.sub("(<member [^>]* role='left'/>)", rf"{first}\1", text)
+    road = read_road(written(tmp_path, text))
+    np.testing.assert_allclose(
+        sorted(road.lanes[1].left_bound.tolist()), sorted([(0, 3.5), *loop]), atol=1e-6
+    )
+
+
 def test_lanelets_that_cannot_be_read_are_a_loss_with_its_share(tmp_path: Path) -> None:
     text = two_lanes().replace("relation id='1'", "relation id='one'")
     (loss,) = read_road(written(tmp_path, text)).losses

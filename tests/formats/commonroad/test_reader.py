@@ -152,6 +152,17 @@ def test_a_lane_that_ends_where_a_two_way_lanelet_ends_leads_onto_its_opposite_l
     assert (lanes[1].successors, lanes[2].predecessors) == ((), ())
 
 
+def test_opposite_lanes_follow_each_other_as_their_lanelets_do_also_across_a_gap(tmp_path: Path) -> None:
+    both = {"one_way": [], "both_ways": ["vehicle"]}
+    lanelets = [
+        straight(1, 0, 0, 50, successors=[2], **both),
+        straight(2, 50.8, 0, 50, predecessors=[1], **both),
+    ]
+    road = read(tmp_path, lanelets)
+    assert (road.lanes[4].successors, road.lanes[3].predecessors) == ((3,), (4,))
+    assert not [note for note in road.notes if "without successors in the map" in note]
+
+
 def test_the_largest_id_has_an_opposite_lane_and_greater_ones_are_left_out(tmp_path: Path) -> None:
     both = {"one_way": [], "both_ways": ["vehicle"]}
     greater = [straight(2**53 - 1, 0, 30, 50, **both)]
