@@ -67,12 +67,13 @@ def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
     """Read ``METRIC=VALUE`` entries."""
     numbers = {}
     for entry in entries:
-        name, _, number = entry.rpartition("=")
+        name, _, number = (word.strip() for word in entry.rpartition("="))
         try:
-            numbers[name.strip()] = float(number)
+            numbers[name] = float(number)
         except ValueError:
-            message = f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5"
-            raise UsageError(message) from None
+            name = ""
+        if not name:
+            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5")
     return numbers
 
 

@@ -16,7 +16,7 @@ from scex_sumo.base.options import options_of
 from scex_sumo.base.processes import idle_cores
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.extrapolation.options import RUN_OPTIONS, RunOptions
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.settings import RunSettings, read_thresholds
 from scex_sumo.results.region import Region
 from scex_sumo.steps.run_command import run_command
 from tests.seeds import straight_seed
@@ -41,6 +41,14 @@ from tests.seeds import straight_seed
 def test_a_setting_that_makes_no_sense_is_refused_by_its_option(given: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         RunSettings(**given)
+
+
+@pytest.mark.parametrize("entry", ["0.5", "=3", "ttc", "ttc=x"])
+def test_a_threshold_without_a_metric_or_a_number_is_refused_with_an_example(entry: str) -> None:
+    with pytest.raises(
+        UsageError, match=f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5"
+    ):
+        read_thresholds([entry])
 
 
 def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> None:

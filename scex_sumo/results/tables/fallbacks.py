@@ -35,15 +35,15 @@ def count_fallbacks(
     """
     counts = []
     for index, name in enumerate(names):
-        own = table.filter(pc.equal(table["model"], name)).drop_columns(["model"]).to_pylist()
-        if own:
+        own = table.filter(pc.equal(table["model"], name)).drop_columns(["model"])
+        if own.num_rows:
             counts.append(
                 {
                     "model": name,
-                    "replaced": len(own),
+                    "replaced": own.num_rows,
                     "plans": int((assignment == index).sum()) * rounds,
-                    "futures": len({plan["future"] for plan in own}),
-                    "first": own[0],
+                    "futures": len(own["future"].unique()),
+                    "first": own.slice(0, 1).to_pylist()[0],
                 }
             )
     return counts
