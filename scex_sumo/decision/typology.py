@@ -76,7 +76,7 @@ def _ways_of(scene: SeedScene, part: Part, index: int) -> DrivenPaths:
     whole, states = everybody(scene), with_everybody(scene, part.states[index : index + 1])[0].swapaxes(0, 1)
     planned = None
     if part.plan_x is not None and part.plan_y is not None and scene.vehicles == whole.vehicles:
-        planned = np.stack([plan[index, -1] for plan in (part.plan_x, part.plan_y)])
+        planned = np.stack([plan[index] for plan in (part.plan_x, part.plan_y)])
     return DrivenPaths.of(states, whole.length, whole.width, planned)
 
 

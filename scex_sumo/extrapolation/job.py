@@ -220,8 +220,8 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         values=values.values,
         defined=values.defined,
         worst=worst_table(values, futures=futures, track_ids=ids),
-        plan_x=rollout.plan_x,
-        plan_y=rollout.plan_y,
+        plan_x=rollout.plan_x[:, -1].copy(),  # a view would keep all plans
+        plan_y=rollout.plan_y[:, -1].copy(),
         fallbacks=fallbacks,
         tested=_tested(job, rollout),
         collisions=collisions_table(

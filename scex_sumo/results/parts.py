@@ -24,11 +24,10 @@ _STATES = ("x", "y", "heading", "speed")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Some futures of a run, simulated and measured; states and plans as in `Rollout`.
-
-    Plans are kept in memory alone.
+    """Some futures of a run, simulated and measured; states as in `Rollout`.
 
     Attributes:
+        plan_x: (C, V, 30) of the last plans, kept in memory alone; so ``plan_y``.
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the future.
         worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.

@@ -186,6 +186,11 @@ def test_pairs_of_human_like_futures_have_a_kind(seed_scene: SeedScene, word: st
     assert seed_scene.road is not None
     found, net = ruled(seed_scene, converted(seed_scene.road, tmp_path / "net.net.xml"), RunSettings())
     part = human_part(found, net, futures=16)
+    assert part.plan_x is not None and part.plan_x.shape == (
+        16,
+        found.vehicles,
+        PLANNED,
+    )  # the last plans only
     rows = pairs_of_part(found, part).to_pylist()
     assert kinds_of(found, rows, part) == [word]
     assert kinds_of(found, [rows[0] | {"probability": 1e-9}], part) == [None]
