@@ -140,10 +140,10 @@ def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
 def _read_phases(signals: Path) -> dict[int, Run]:
     groups: dict[int, list[tuple[int, str]]] = {}
     with refusing_damage(MapError, signals, "signal phases"), open_text(signals) as file:
-        for row in csv.DictReader(file):
+        for row in csv.DictReader(file, restval=""):
             group, stamp, state = (row[key] for key in ("signal_group_id", "timestamp_ms", "movement_state"))
             if (letter := LETTERS.get(state.strip().upper())) is None:
-                raise ValueError(f"movement_state {state:.40}")
+                raise ValueError(f"movement_state is {state[:40]!r}")
             groups.setdefault(int(group), []).append((int(stamp), letter))
     if not groups:
         raise MapError(f"{signals}: no signal phases in it")

@@ -109,7 +109,8 @@ def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_pa
     ("old", "new", "said"),
     [
         ("timestamp_ms", "time", "no timestamp_ms in it"),
-        ("STOP_AND_REMAIN", "HALT", "no signal phases can be read: movement_state HALT"),
+        ("STOP_AND_REMAIN", "HALT", "no signal phases can be read: movement_state is 'HALT'"),
+        (",STOP_AND_REMAIN", "", "no signal phases can be read: movement_state is ''"),
     ],
 )
 def test_other_columns_and_unknown_states_are_refused(
