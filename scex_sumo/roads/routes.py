@@ -245,7 +245,15 @@ def centreline(
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     here = sum(length[i] for i in before) + s
-    return _cut(*_joined(known, sequence, here), here - behind_m, behind_m + ahead_m)
+    follow = all(after in known[lane].successors for lane, after in pairwise(sequence))
+    line = _without_changes(road, sequence) if follow else _joined(known, sequence, here)
+    return _cut(*line, here - behind_m, behind_m + ahead_m)
+
+
+@owner_cache
+def _without_changes(road: Road, sequence: tuple[int, ...]) -> tuple[FloatArray, IntArray]:
+    """Return the line of `_joined` for lanes that follow each other, of which each scene cuts its own."""
+    return _joined(road.vehicle_lanes, sequence, 0.0)
 
 
 def _joined(known: dict[int, Lane], sequence: tuple[int, ...], start: float) -> tuple[FloatArray, IntArray]:

@@ -9,6 +9,7 @@ import pytest
 
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Lane, Road
+from scex_sumo.roads import routes as module
 from scex_sumo.roads.routes import candidate_paths, centreline, routes
 from tests.behaviors import roads
 
@@ -124,6 +125,23 @@ def test_a_centreline_reaches_as_far_as_asked_straight_beyond_both_ends_of_the_r
     assert points[-1] == pytest.approx([210.0, 0.0])
     assert length_of(points) == pytest.approx(225.0)
     assert set(lanes.tolist()) == {1, 12}
+
+
+def test_lanes_that_follow_each_other_are_joined_once_for_all_places_on_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ranking asks for some 100 lines of the same few lanes at each moment."""
+    road, made = chain_of_forks(2), list[tuple[int, ...]]()
+
+    def counted(known: dict[int, Lane], sequence: tuple[int, ...], start: float) -> object:
+        made.append(sequence)
+        return joined(known, sequence, start)
+
+    joined = module._joined
+    monkeypatch.setattr(module, "_joined", counted)
+    for place in (1.0, 2.0, 3.0):
+        centreline(road, (1,), place, 0.0, 10.0)
+    assert len(made) == 1
 
 
 def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> None:

@@ -109,7 +109,7 @@ class EdgeAttentionModule(nn.Module):
         _draw(self.att)
 
     def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor) -> Tensor:
-        """Return (K, heads * each) of ``asking`` (K, inner), among which the targets of the edges are."""
+        """Return (K, heads * per_head) of ``asking`` (K, inner), among which the targets of the edges are."""
         heads, per_head = self.att.shape[1:]
         source, target = edge_index
         key = self.lin_l(node).view(-1, heads, per_head).index_select(0, source)
