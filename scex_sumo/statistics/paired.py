@@ -13,7 +13,7 @@ ROUNDING: Final = 1e-9  # in the metric's unit
 
 
 def signs(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return (n,) signs of one - two; 0 for equal infinities and differences by rounding."""
+    """Return (n,) signs of first - second; 0 for equal infinities and differences by rounding."""
     with np.errstate(invalid="ignore"):
         same = (first == second) | (np.abs(first - second) < ROUNDING)
     return np.where(same, 0.0, np.where(first > second, 1.0, -1.0))

@@ -24,7 +24,7 @@ from scex_sumo.scene import STEP_S, SeedScene, States
 
 CRASH_MPS2: Final = 0.7 * 9.81
 _ASLANT_RAD: Final = 0.2  # vehicles on lanes of one direction are closer to parallel
-_GRAZE: Final = 0.25  # of the smaller outline; who drives through another vehicle overlaps it by more
+_GRAZE: Final = 0.25  # of the smaller outline; a vehicle that drives through another one overlaps it by more
 
 
 class Crashes:

@@ -200,7 +200,7 @@ def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
 def in_words(row: Mapping[str, Any]) -> str:
     """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
 
-    It says in which futures its event always happened, else who drove how in the typical future.
+    It says in which futures its event always happened, else how both drove in the typical future.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{arrow(row)} ({', '.join(detail for detail in about if detail)}): "
