@@ -23,7 +23,7 @@ from scex_sumo.lanelet2sumo.plan.elements import (
     Walks,
 )
 from scex_sumo.road import Georeference
-from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, LineSamples, lines_cross, opposed, project_near
+from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, LineSamples, close_span, lines_cross, opposed
 
 # Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
@@ -249,8 +249,8 @@ def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _S
 def _unseen(a: Connection, b: Connection, on_a: LineSamples, on_b: LineSamples) -> tuple[_Span, _Span] | None:
     if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
         return None  # SUMO knows how to merge
-    span = _close(a.internal, b.internal, *on_a)
-    other = _close(b.internal, a.internal, *on_b) if span is not None else None
+    span = _close(a.internal, b.internal, on_a)
+    other = _close(b.internal, a.internal, on_b) if span is not None else None
     if span is None or other is None:
         return None
     crossing = lines_cross(a.internal.shape, b.internal.shape)
@@ -258,11 +258,11 @@ def _unseen(a: Connection, b: Connection, on_a: LineSamples, on_b: LineSamples) 
     return (span, other) if written else None
 
 
-def _close(lane: NetLane, other: NetLane, s: FloatArray, points: FloatArray) -> _Span | None:
+def _close(lane: NetLane, other: NetLane, on_lane: LineSamples) -> _Span | None:
     clearance = min(CLEARANCE_M, 0.45 * (lane.width + other.width))
-    near = np.flatnonzero(project_near(points, other.shape, clearance)[1] < clearance)
-    if not len(near):
+    near = close_span(on_lane, other.shape, clearance)
+    if near is None:
         return None
     inset = min(INSET_M, lane.length / 4)
-    start, end = max(float(s[near[0]]), inset), min(float(s[near[-1]]), lane.length - inset)
+    start, end = max(near[0], inset), min(near[1], lane.length - inset)
     return (start, end) if end > start else None

@@ -138,6 +138,13 @@ def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[
     return arc, gap
 
 
+def close_span(on_line: LineSamples, other: FloatArray, clearance_m: float) -> tuple[float, float] | None:
+    """Return the first and last arc length of a line that is near another one, m; None if none is."""
+    s, points = on_line
+    near = np.flatnonzero(project_near(points, other, clearance_m)[1] < clearance_m)
+    return (float(s[near[0]]), float(s[near[-1]])) if len(near) else None
+
+
 def runs(mask: BoolArray) -> list[tuple[int, int]]:
     """Return first and last index of each run of True."""
     edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))

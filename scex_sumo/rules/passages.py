@@ -13,6 +13,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, path_positions
 from scex_sumo.geometry.polylines import along, length_of, samples
 from scex_sumo.road_rules import Rules
+from scex_sumo.roads.conflicts import close_span
 from scex_sumo.scene import SceneHistory, VehicleIndex
 
 NO_SIGN = ""  # state of links of which a map says nothing
@@ -141,7 +142,7 @@ def _pairs(
         for foe in rules.passages[k].yields_to:
             for theirs in on.get(foe, ()):
                 if (k, foe) not in span_of:
-                    span_of[k, foe] = _span(lines[k], lines[foe])
+                    span_of[k, foe] = _spans(lines[k], lines[foe])
                 span = span_of[k, foe]
                 if span is not None and path[entry] != path[theirs]:
                     pairs.append((entry, theirs))
@@ -150,14 +151,11 @@ def _pairs(
     return own, other, np.array(spans).reshape(-1, 4)
 
 
-def _span(one: FloatArray, other: FloatArray) -> FloatArray | None:
+def _spans(line: FloatArray, other: FloatArray) -> FloatArray | None:
     """Return begin and end of a conflict on two lines, (4,) m; None if they keep clear of each other."""
-    (s, points), (t, others) = samples(one, STEP_M), samples(other, STEP_M)
-    near = np.hypot(*(points[:, None] - others).transpose(2, 0, 1)) < CLEARANCE_M
-    if not near.any():
-        return None
-    here, there = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
-    return np.array([s[here[0]], s[here[-1]], t[there[0]], t[there[-1]]])
+    own = close_span(samples(line, STEP_M), other, CLEARANCE_M)
+    theirs = close_span(samples(other, STEP_M), line, CLEARANCE_M)
+    return None if own is None or theirs is None else np.array([*own, *theirs])
 
 
 @dataclass(frozen=True, eq=False)
