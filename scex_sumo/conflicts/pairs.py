@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.conflicts.braking import (
     MOST_MPS2,
     DrivenPaths,
@@ -251,13 +251,18 @@ def _of_some(paths: DrivenPaths, own: IntArray, other: IntArray, now: int) -> Ma
     row, first, second = row[crosses], first[crosses], second[crosses]
     touch = separation(_box(paths, own[row], first), _box(paths, other[row], second)) <= 0
     row, first, second = row[touch], first[touch], second[touch]
+    # The fewest steps apart, of these the soonest; where either may be the later one, the smaller margin.
+    rank = np.abs(first - second) * steps + np.maximum(first, second)
+    least = np.full(len(own), steps * steps)
+    np.minimum.at(least, row, rank)
+    row, first, second = (values[rank == least[row]] for values in (row, first, second))
+    whole = np.abs(first - second)
+    margins = STEP_S * np.maximum(whole - _between(paths, own[row], other[row], first, second), 0.0)
+    chosen = least_of(row, margins)
+    row, first, second = row[chosen], first[chosen], second[chosen]
     margin = np.full(len(own), np.inf)
-    order = np.lexsort((np.maximum(first, second), np.abs(first - second), row))
-    rows, begins = np.unique(row[order], return_index=True)
-    a, b = first[order][begins], second[order][begins]
-    margin[rows] = STEP_S * np.maximum(np.abs(a - b) - _between(paths, own[rows], other[rows], a, b), 0.0)
     later_step, is_own = np.zeros(len(own), dtype=np.int64), np.zeros(len(own), dtype=np.bool_)
-    later_step[rows], is_own[rows] = np.maximum(a, b), a > b
+    margin[row], later_step[row], is_own[row] = margins[chosen], np.maximum(first, second), first > second
     return Margins(margin=margin, step=later_step, own_is_later=is_own)
 
 
