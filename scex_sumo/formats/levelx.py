@@ -117,6 +117,8 @@ def read_meta(path: Path) -> dict[str, str]:
 
 
 def _read_rows(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        raise TrackError(f"{path}: no such file; it belongs to the tracks beside it")
     with refusing_damage(TrackError, path, "table"), open_text(path) as file:
         rows = list(csv.DictReader(file))
     # A line cut short, or with too many values, has None for a value or a name.

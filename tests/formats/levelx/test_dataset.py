@@ -147,6 +147,13 @@ def test_broken_files_are_refused_in_one_line(
     assert str(tmp_path) in str(refused.value)
 
 
+def test_a_file_that_is_not_there_is_said_to_belong_to_the_tracks(tmp_path: Path) -> None:
+    tracks = write_ind(tmp_path, [Mover(number=1, x=1.0, y=2.0)])
+    (tmp_path / "00_tracksMeta.csv").unlink()
+    with pytest.raises(TrackError, match=r"00_tracksMeta.csv: no such file; it belongs to the tracks beside"):
+        read_levelx(tracks)
+
+
 def test_a_recording_that_is_on_none_of_the_maps_is_found_and_then_refused(tmp_path: Path) -> None:
     intersection(tmp_path, [Mover(number=1, x=100.0, y=-900.0)])
     (recording,) = find_recordings([tmp_path])
