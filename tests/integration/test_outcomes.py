@@ -51,8 +51,9 @@ def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(run:
             share = encounter.probability(event)
             assert encounter.happens(event).sum() == share.count == round(row[event] * run.futures), event
             assert share.value >= encounter.collision.value  # a collision counts as each event
-    with pytest.raises(UsageError, match="unknown event"):
-        encounter.probability("hit")
+    for answer in (encounter.probability, encounter.happens):
+        with pytest.raises(UsageError, match="unknown event"):
+            answer("hit")
 
 
 def test_what_happens_to_a_vehicle_that_the_run_does_not_have_is_no_other_pairs(

@@ -269,14 +269,19 @@ class Encounter:
 
         It is at least that of a collision, which counts as each event.
         """
-        if event not in QUESTIONS:
-            raise UsageError(f"unknown event {event!r}; known: {', '.join(QUESTIONS)}")
+        _check_event(event)
         return share_of(self.row, event, self.run.futures)
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
+        _check_event(event)
         bits = sum(BITS.values()) if event == "critical" else BITS[event]
         return np.asarray(pair_events(self.run, [self.pair])[0] & bits > 0)
+
+
+def _check_event(event: str) -> None:
+    if event not in QUESTIONS:
+        raise UsageError(f"unknown event {event!r}; known: {', '.join(QUESTIONS)}")
 
 
 def pair_events(run: Any, pairs: Sequence[tuple[int, int]]) -> IntArray:
