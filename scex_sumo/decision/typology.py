@@ -56,7 +56,7 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
         rows: as of `decision.pairs.PAIRS`.
         part: the human-like futures; with plans, ways go on as planned, else straight on.
     """
-    whole, paths_by_vehicle = everybody(scene), dict[int, DrivenPaths]()
+    whole, driven_in = everybody(scene), dict[int, DrivenPaths]()
     place = {int(track): v for v, track in enumerate(whole.track_ids)}
     kinds: list[str | None] = []
     for row in rows:
@@ -64,11 +64,9 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
             kinds.append(None)
             continue
         future = int(row["future"])
-        if future not in paths_by_vehicle:
-            paths_by_vehicle[future] = _ways_of(scene, part, int(np.searchsorted(part.futures, future)))
-        kinds.append(
-            conflict_of(whole, place[row["track_id"]], place[row["other_id"]], paths_by_vehicle[future])
-        )
+        if future not in driven_in:
+            driven_in[future] = _ways_of(scene, part, int(np.searchsorted(part.futures, future)))
+        kinds.append(conflict_of(whole, place[row["track_id"]], place[row["other_id"]], driven_in[future]))
     return kinds
 
 
@@ -80,26 +78,26 @@ def _ways_of(scene: SeedScene, part: Part, index: int) -> DrivenPaths:
     return DrivenPaths.of(states, whole.length, whole.width, planned)
 
 
-def conflict_of(scene: SeedScene, one: int, other: int, paths_by_vehicle: DrivenPaths) -> str:
+def conflict_of(scene: SeedScene, one: int, other: int, driven: DrivenPaths) -> str:
     """Return the kind of the conflict of two road users by index, one of `CONFLICTS`; their order is free.
 
     Args:
         scene: with its road, and people as its last vehicles.
-        paths_by_vehicle: (V,) of all in one future, driven from a second before the moment on.
+        driven: (V,) of all in one future, driven from a second before the moment on.
     """
     both = one, other
-    ahead = [_ahead(scene, paths_by_vehicle, v) for v in both]
+    ahead = [_ahead(scene, driven, v) for v in both]
     place = _meeting_samples(*ahead)
     turn = abs(wrap(ahead[0].heading[place[0]] - ahead[1].heading[place[1]]))
-    return _person_kind(scene, both, turn) or _kind(scene, paths_by_vehicle, both, ahead, place)
+    return _person_kind(scene, both, turn) or _kind(scene, driven, both, ahead, place)
 
 
-def _ahead(scene: SeedScene, paths_by_vehicle: DrivenPaths, v: int) -> States:
+def _ahead(scene: SeedScene, driven: DrivenPaths, v: int) -> States:
     """Return the path of a road user from now on, `_SPACING_M` apart."""
-    now = paths_by_vehicle.arc[v, HISTORY_STEPS]
-    reach = max(paths_by_vehicle.arc[v, -1] - now, 8.0 * scene.now.speed[v], _BEYOND_M) + _BEYOND_M
+    now = driven.arc[v, HISTORY_STEPS]
+    reach = max(driven.arc[v, -1] - now, 8.0 * scene.now.speed[v], _BEYOND_M) + _BEYOND_M
     s = now + np.arange(0.0, reach, _SPACING_M)
-    x, y, _, _, heading, _ = paths_by_vehicle.at(np.full(len(s), v), s)
+    x, y, _, _, heading, _ = driven.at(np.full(len(s), v), s)
     return States(x=x, y=y, heading=heading, speed=np.zeros_like(s))
 
 

@@ -101,20 +101,18 @@ def _marks(rules: Rules) -> list[tuple[float, FloatArray]]:
 
 
 def _place(
-    points: FloatArray, arcs: FloatArray, length: float, marks: FloatArray
+    points: FloatArray, directions: FloatArray, length: float, marks: FloatArray
 ) -> tuple[float, float] | None:
     """Return the arc lengths where a passage (`_marks`) begins and ends on a path; None if not taken."""
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
     sample = distance.argmin(axis=0)
     if (distance[sample, range(3)] > NEAR_M).any() or not sample[0] <= sample[1] <= sample[2]:
         return None
+    begin, end = DS_M * float(sample[0]), DS_M * float(sample[2])
     step = marks[1] - marks[0]
-    if (
-        arcs[sample[0]] @ step < 0.5 * np.hypot(*step)
-        or DS_M * (sample[2] - sample[0]) > LONGER[0] * length + LONGER[1]
-    ):
+    if directions[sample[0]] @ step < 0.5 * np.hypot(*step) or end - begin > LONGER[0] * length + LONGER[1]:
         return None
-    return DS_M * float(sample[0]), DS_M * float(sample[2])
+    return begin, end
 
 
 def _stop(points: FloatArray, begin: float, rules: Rules, stops: shapely.STRtree) -> float:

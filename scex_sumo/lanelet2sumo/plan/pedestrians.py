@@ -176,10 +176,8 @@ def _stubs(
     for footway in crosswalks:
         for k, place in enumerate(footway.places):
             if places.count(place) == 1:
-                angle, tip = (
-                    heading(footway.shape, end=k == 1) + (math.pi if k == 0 else 0.0),
-                    footway.shape[-k],
-                )
+                angle, tip = heading(footway.shape, end=k == 1), footway.shape[-k]
+                angle += math.pi if k == 0 else 0.0
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
                 name, line, ends = f"{footway.name}#{k}", np.array([outer, tip]), (next(fresh), place)
                 yield Footway(name=name, lanelets=(), shape=line, width=footway.width, places=ends)

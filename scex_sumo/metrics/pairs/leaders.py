@@ -89,10 +89,9 @@ def _on_paths(scenes: Scenes) -> _OnPaths:
     last = _straight_on(scenes, paths)
     where = _close_pairs(scenes, paths, last)
     follower, other = scenes.flat_of(where)
-    found = [_on_straight(scenes, piece, follower, other) for piece in (first, last)]
-    entry, aside, along, cos = map(
-        np.concatenate, zip(*found, _on_plan(scenes, paths, follower, other), strict=True)
-    )
+    places = [_on_straight(scenes, piece, follower, other) for piece in (first, last)]
+    places.append(_on_plan(scenes, paths, follower, other))
+    entry, aside, along, cos = (np.concatenate(values) for values in zip(*places, strict=True))
     near = _half(scenes, scenes.width, follower, other)
     keep = np.flatnonzero(aside <= near[entry])
     entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
